@@ -1,0 +1,18 @@
+//! The arm: an immutable description, cheap to clone.
+//!
+//! A [`Chain`] is a row of moving joints from base to tip; fixed joints are folded into the placements. It comes
+//! from Denavit-Hartenberg rows ([`ChainBuilder::from_dh`]), from joints one by one ([`ChainBuilder`]), from a
+//! URDF ([`urdf`]) or from the compiled-in [`catalog`].
+
+mod builder;
+#[allow(clippy::module_inception)]
+mod chain;
+mod dh;
+mod joint;
+
+pub use builder::ChainBuilder;
+pub use chain::{Chain, Link};
+pub use dh::{DhConvention, DhRow};
+pub use joint::{Inertia, Joint, JointKind, Limits};
+
+pub(crate) use chain::{Step, axis_onto_z};

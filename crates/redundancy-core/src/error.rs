@@ -1,0 +1,136 @@
+//! What the caller did wrong. What the mathematics did is a [`Status`](crate::Status), never an error.
+
+/// The caller's mistake: it names the thing, the value, the bound and, for names, the valid ones.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A vector or matrix has the wrong number of entries.
+    #[error("{what}: expected {expected} entries, got {actual}")]
+    Length {
+        /// What was given.
+        what: String,
+        /// The required number of entries.
+        expected: usize,
+        /// The number of entries received.
+        actual: usize,
+    },
+    /// An entry is NaN or infinite.
+    #[error("{what}: entry {index} is {value}, it must be finite")]
+    NotFinite {
+        /// What was given.
+        what: String,
+        /// Flat index of the first offending entry.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A number lies outside its admissible range.
+    #[error("{what} is {value}, it must be {bound}")]
+    OutOfRange {
+        /// What was given.
+        what: String,
+        /// Its value.
+        value: f64,
+        /// The bound in words, such as "> 0".
+        bound: String,
+    },
+    /// A vector that gives a direction has no length.
+    #[error("{what} has length {norm:e}, a direction needs a length of at least {minimum:e}")]
+    ZeroDirection {
+        /// What was given.
+        what: String,
+        /// Its Euclidean norm.
+        norm: f64,
+        /// The least accepted norm.
+        minimum: f64,
+    },
+    /// A quaternion is not of unit norm.
+    #[error("{what}: quaternion (w, x, y, z) has norm {norm}, it must be within {tolerance} of 1")]
+    NotUnit {
+        /// What was given.
+        what: String,
+        /// The measured norm.
+        norm: f64,
+        /// The accepted deviation.
+        tolerance: f64,
+    },
+    /// A matrix is not a rigid transform.
+    #[error("{what} is not a rigid transform: {reason} (measured {measured:e}, bound {bound:e})")]
+    NotRigid {
+        /// What was given.
+        what: String,
+        /// Which property fails.
+        reason: &'static str,
+        /// The measured deviation.
+        measured: f64,
+        /// The accepted deviation.
+        bound: f64,
+    },
+    /// A lower limit lies above its upper limit.
+    #[error("joint '{joint}': lower limit {lower} is above upper limit {upper}")]
+    InvertedLimits {
+        /// Joint name.
+        joint: String,
+        /// Lower limit, rad or m.
+        lower: f64,
+        /// Upper limit, rad or m.
+        upper: f64,
+    },
+    /// A name is not among the known ones.
+    #[error("unknown {kind} '{name}', expected one of: {}", .valid.join(", "))]
+    UnknownName {
+        /// What is named: robot, link, joint, method.
+        kind: &'static str,
+        /// The name received.
+        name: String,
+        /// The names that exist.
+        valid: Vec<String>,
+    },
+    /// A robot description cannot become a chain.
+    #[error("robot description: {0}")]
+    Description(String),
+    /// The chain is not of the structure that a closed form needs.
+    #[error("not a spherical-revolute-spherical arm: {reason}")]
+    NotSrs {
+        /// Which condition fails, with the measured value.
+        reason: String,
+        /// The measured violation in millimetres, or milliradians where the condition is an angle.
+        measured: f64,
+    },
+    /// A file with a path or trajectory is broken.
+    #[error("{file}: {message}")]
+    File {
+        /// The file, with its line where that is known (`name:line`, lines from 1).
+        file: String,
+        /// What is wrong there.
+        message: String,
+    },
+    /// Any other invalid argument.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+/// Result with the crate's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Checks the number of entries of `values`.
+pub(crate) fn check_length(what: &str, values: &[f64], expected: usize) -> Result<()> {
+    if values.len() == expected {
+        return Ok(());
+    }
+    Err(Error::Length { what: what.into(), expected, actual: values.len() })
+}
+
+/// Checks that every entry of `values` is finite.
+pub(crate) fn check_finite(what: &str, values: &[f64]) -> Result<()> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(Error::NotFinite { what: what.into(), index, value: values[index] }),
+    }
+}
+
+/// Checks length and finiteness of a joint vector.
+pub(crate) fn check_vector(what: &str, values: &[f64], expected: usize) -> Result<()> {
+    check_length(what, values, expected)?;
+    check_finite(what, values)
+}

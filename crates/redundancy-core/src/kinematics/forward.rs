@@ -1,0 +1,129 @@
+//! Forward kinematics: the product of placements and joint motions.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use crate::chain::{Chain, Step};
+use crate::error::{Error, Result};
+use crate::pose::{Pose, pose};
+
+/// Running frame of the forward pass, kept as columns: a joint turns only x and y.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    pub x: Vector3<f64>,
+    pub y: Vector3<f64>,
+    pub z: Vector3<f64>,
+    pub origin: Vector3<f64>,
+}
+
+impl Frame {
+    /// The world frame.
+    pub fn world() -> Self {
+        Self { x: Vector3::x(), y: Vector3::y(), z: Vector3::z(), origin: Vector3::zeros() }
+    }
+
+    /// Moves by a constant transform.
+    #[inline(always)]
+    pub fn placed(&self, r: &Matrix3<f64>, t: &Vector3<f64>) -> Self {
+        let along = |v: [f64; 3]| self.x * v[0] + self.y * v[1] + self.z * v[2];
+        Self {
+            x: along([r[(0, 0)], r[(1, 0)], r[(2, 0)]]),
+            y: along([r[(0, 1)], r[(1, 1)], r[(2, 1)]]),
+            z: along([r[(0, 2)], r[(1, 2)], r[(2, 2)]]),
+            origin: self.origin + along([t.x, t.y, t.z]),
+        }
+    }
+
+    /// Moves to the joint of `step`: its z is the joint axis, its origin a point on it.
+    #[inline(always)]
+    pub fn at_joint(&self, step: &Step) -> Self {
+        self.placed(&step.rotation, &step.translation)
+    }
+
+    /// Moves by the joint itself.
+    #[inline(always)]
+    pub fn moved(mut self, step: &Step, q: f64) -> Self {
+        if step.rotational {
+            let (sin, cos) = q.sin_cos();
+            let x = self.x * cos + self.y * sin;
+            self.y = self.y * cos - self.x * sin;
+            self.x = x;
+        } else {
+            self.origin += self.z * q;
+        }
+        self
+    }
+
+    /// The frame as a pose.
+    #[inline(always)]
+    pub fn pose(&self) -> Pose {
+        pose(Matrix3::from_columns(&[self.x, self.y, self.z]), self.origin)
+    }
+}
+
+impl Chain {
+    /// Pose of the tool in the world at `q`.
+    ///
+    /// # Errors
+    /// Wrong length of `q`, or an entry that is not finite.
+    pub fn forward(&self, q: &[f64]) -> Result<Pose> {
+        self.check_q(q)?;
+        Ok(self.forward_unchecked(q))
+    }
+
+    /// Pose of the frame of a link (see [`Chain::link_index`]) in the world at `q`, without the tool.
+    ///
+    /// # Errors
+    /// Wrong length of `q`, an entry that is not finite, an index that is no link.
+    pub fn forward_link(&self, q: &[f64], link: usize) -> Result<Pose> {
+        self.check_q(q)?;
+        let link = self.links().get(link).ok_or_else(|| Error::OutOfRange {
+            what: "link index".into(),
+            value: link as f64,
+            bound: format!("< {}", self.links().len()),
+        })?;
+        let mut frame = Frame::world();
+        for (step, q) in self.steps().iter().zip(q).take(link.joints_before) {
+            frame = frame.at_joint(step).moved(step, *q);
+        }
+        let out = match link.joints_before.checked_sub(1) {
+            None => *self.base(),
+            // Back from the z-aligned frame of the step to the frame that the joint moves.
+            Some(i) => {
+                let to_z = crate::chain::axis_onto_z(&self.joints()[i].axis);
+                frame.placed(&to_z.transpose(), &Vector3::zeros()).pose()
+            }
+        };
+        Ok(out * link.offset)
+    }
+
+    /// Poses of the tool at many `q`: `q` has `N * dof` entries row by row, `out` is called with each row in order.
+    ///
+    /// Rows are spread over rayon's current pool; the bits do not depend on the number of threads.
+    ///
+    /// # Errors
+    /// A length that is not a multiple of `dof`, or an entry that is not finite.
+    pub fn forward_batch(&self, q: &[f64]) -> Result<Vec<Pose>> {
+        self.check_batch(q)?;
+        Ok(q.par_chunks_exact(self.dof()).with_min_len(256).map(|q| self.forward_unchecked(q)).collect())
+    }
+
+    /// Checks the rows of a batch.
+    pub(crate) fn check_batch(&self, q: &[f64]) -> Result<()> {
+        if !q.len().is_multiple_of(self.dof()) {
+            let expected = q.len().div_ceil(self.dof()) * self.dof();
+            return Err(Error::Length { what: "batch of q".into(), expected, actual: q.len() });
+        }
+        crate::error::check_finite("batch of q", q)
+    }
+
+    /// [`Chain::forward`] for a `q` that was checked before.
+    pub(crate) fn forward_unchecked(&self, q: &[f64]) -> Pose {
+        let mut frame = Frame::world();
+        for (step, q) in self.steps().iter().zip(q) {
+            frame = frame.at_joint(step).moved(step, *q);
+        }
+        let (r, t) = self.end();
+        frame.placed(r, t).pose()
+    }
+}

@@ -1,0 +1,7 @@
+//! From joint positions to poses and Jacobians, for any number of joints.
+
+mod forward;
+mod jacobian;
+mod scratch;
+
+pub use scratch::{Kinematics, Scratch};

@@ -1,0 +1,65 @@
+//! Caller-owned memory, and the proof that what is in it belongs to one `q`.
+
+use nalgebra::{Dyn, Matrix6xX, Vector3};
+
+use crate::chain::Chain;
+use crate::pose::Pose;
+
+/// Memory for the kinematics of one chain, allocated once and reused: a control step allocates nothing.
+#[derive(Debug, Clone)]
+pub struct Scratch {
+    pub(super) origins: Vec<Vector3<f64>>,
+    pub(super) axes: Vec<Vector3<f64>>,
+    pub(super) jacobian: Matrix6xX<f64>,
+    pub(super) pose: Pose,
+}
+
+impl Scratch {
+    /// Memory for chains with as many joints as `chain`.
+    pub fn new(chain: &Chain) -> Self {
+        let n = chain.dof();
+        Self {
+            origins: vec![Vector3::zeros(); n],
+            axes: vec![Vector3::zeros(); n],
+            jacobian: Matrix6xX::zeros_generic(nalgebra::Const::<6>, Dyn(n)),
+            pose: Pose::identity(),
+        }
+    }
+
+    /// How many joints it has room for.
+    pub fn dof(&self) -> usize {
+        self.axes.len()
+    }
+}
+
+/// Pose and Jacobian at one `q`; only [`Chain::kinematics`] makes it, so they belong together.
+#[derive(Debug, Clone, Copy)]
+pub struct Kinematics<'a> {
+    scratch: &'a Scratch,
+}
+
+impl<'a> Kinematics<'a> {
+    pub(super) fn new(scratch: &'a Scratch) -> Self {
+        Self { scratch }
+    }
+
+    /// Pose of the tool in the world.
+    pub fn pose(&self) -> &'a Pose {
+        &self.scratch.pose
+    }
+
+    /// Geometric Jacobian `(6, n)`, linear rows first, world axes, reference point at the tool.
+    pub fn jacobian(&self) -> &'a Matrix6xX<f64> {
+        &self.scratch.jacobian
+    }
+
+    /// A point on each joint axis in the world, m.
+    pub fn origins(&self) -> &'a [Vector3<f64>] {
+        &self.scratch.origins
+    }
+
+    /// Unit vector of each joint axis in the world.
+    pub fn axes(&self) -> &'a [Vector3<f64>] {
+        &self.scratch.axes
+    }
+}

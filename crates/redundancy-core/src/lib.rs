@@ -1,0 +1,32 @@
+//! What to do with a robot arm's spare freedom.
+//!
+//! An arm is redundant when it has more joints than its task needs, or when the task leaves the tool free.
+//! Other libraries tell which configurations exist; this one tells which one to use, along the whole path, and why.
+//!
+//! # Notation
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | `q`, `qd`, `qdd` | joint positions, velocities, accelerations, base to tip | rad or m, per s, per s^2 |
+//! | `R`, `p` | rotation and position of the tip in the base frame | -, m |
+//! | `J` | geometric Jacobian, linear rows first, base axes at the tip | m, 1 |
+//! | `s` | swivel angle: where the elbow is on its circle | rad |
+//! | `n` | unit vector from shoulder to wrist | - |
+//!
+//! # Rooms
+//! Data flows one way; a room uses only rooms to its left:
+//! `rotation -> chain -> kinematics -> path -> criterion -> self_motion -> planning`.
+//! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
+
+pub mod chain;
+pub mod kinematics;
+pub mod rotation;
+pub mod tolerance;
+
+mod error;
+mod pose;
+mod status;
+
+pub use error::{Error, Result};
+pub use nalgebra;
+pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
+pub use status::Status;

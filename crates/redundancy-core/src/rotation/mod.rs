@@ -1,0 +1,1 @@
+//! Orientations and sets of them; no robot in here.

@@ -1,0 +1,41 @@
+//! Long calls: the GIL is released, Ctrl-C is seen between blocks, `threads=` picks the size of the pool.
+
+use std::ops::Range;
+
+use pyo3::prelude::*;
+use redundancy_core::Error;
+
+use crate::error::to_py;
+
+/// Calls `work` for consecutive ranges that cover `0..n`, each inside the chosen rayon pool and without the GIL.
+///
+/// # Errors
+/// `threads = 0`, a pool that cannot be started, an error of `work`, or a pending `KeyboardInterrupt`.
+pub fn in_blocks(
+    py: Python<'_>,
+    n: usize,
+    block: usize,
+    threads: Option<usize>,
+    mut work: impl FnMut(Range<usize>) -> redundancy_core::Result<()> + Send,
+) -> PyResult<()> {
+    let pool = match threads {
+        None => None,
+        Some(0) => return Err(to_py(Error::Invalid("threads is 0, it must be at least 1".into()))),
+        Some(count) => Some(
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(count)
+                .build()
+                .map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}"))))?,
+        ),
+    };
+    for start in (0..n).step_by(block.max(1)) {
+        let range = start..n.min(start + block);
+        py.detach(|| match &pool {
+            Some(pool) => pool.install(|| work(range)),
+            None => work(range),
+        })
+        .map_err(to_py)?;
+        py.check_signals()?;
+    }
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! The one place where core errors become Python exceptions.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use redundancy_core::Error;
+
+pyo3::create_exception!(
+    redundancy,
+    RedundancyError,
+    PyValueError,
+    "Invalid input; the message names the thing, the value and the bound."
+);
+pyo3::create_exception!(
+    redundancy,
+    DescriptionError,
+    RedundancyError,
+    "A robot description (URDF, D-H rows, builder) cannot become a chain."
+);
+pyo3::create_exception!(
+    redundancy,
+    NotSrsError,
+    RedundancyError,
+    "The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other and by how much."
+);
+pyo3::create_exception!(
+    redundancy,
+    FileFormatError,
+    RedundancyError,
+    "A file is broken; the message gives its name and line."
+);
+
+/// Core error to Python exception.
+pub fn to_py(error: Error) -> PyErr {
+    let message = error.to_string();
+    match error {
+        Error::NotSrs { .. } => NotSrsError::new_err(message),
+        Error::File { .. } => FileFormatError::new_err(message),
+        Error::Description(_) | Error::InvertedLimits { .. } => DescriptionError::new_err(message),
+        _ => RedundancyError::new_err(message),
+    }
+}
+
+/// Adds the exception types to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add("RedundancyError", py.get_type::<RedundancyError>())?;
+    module.add("DescriptionError", py.get_type::<DescriptionError>())?;
+    module.add("NotSrsError", py.get_type::<NotSrsError>())?;
+    module.add("FileFormatError", py.get_type::<FileFormatError>())
+}

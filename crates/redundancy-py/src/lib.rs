@@ -1,0 +1,18 @@
+//! Python bindings: exports only. Every function converts, detaches, calls, converts.
+
+use pyo3::prelude::*;
+
+mod batch;
+mod convert;
+mod error;
+
+#[pymodule]
+mod _core {
+    use super::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        error::register(module)
+    }
+}
