@@ -1,1 +1,4 @@
-mod smoke;
+//! One binary for the public behaviour of the core.
+
+mod self_motion;
+mod support;
