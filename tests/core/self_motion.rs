@@ -281,7 +281,8 @@ fn charts_agree_up_to_a_turn_and_are_singular_where_they_say() {
         let t = -reference;
         let base_x = (Vector3::x() - t * t.x).normalize();
         let kx = (n - t).cross(&base_x).cross(&n);
-        let elbow = chain.forward_link(&q, 4).unwrap().translation.vector - paper.shoulder();
+        let mut scratch = redundancy_core::kinematics::Scratch::new(&chain);
+        let elbow = chain.kinematics(&q, &mut scratch).unwrap().origins()[3] - paper.shoulder();
         let w = elbow - n * n.dot(&elbow);
         let s = w.dot(&n.cross(&kx)).atan2(w.dot(&kx));
         assert!(difference(&[s], &[b]) < 1e-9, "{s} {b}");
