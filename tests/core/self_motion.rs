@@ -130,21 +130,30 @@ fn intervals_agree_with_brute_force() {
                         let k = ((lo + margin - q) / TAU).ceil();
                         q + k * TAU <= hi - margin
                     });
-                    let edge = intervals.iter().flatten().any(|e| (s - e + PI).rem_euclid(TAU) - PI < 1e-9 && (s - e + PI).rem_euclid(TAU) - PI > -1e-9);
+                    let edge = intervals.iter().flatten().any(|e| {
+                        (s - e + PI).rem_euclid(TAU) - PI < 1e-9 && (s - e + PI).rem_euclid(TAU) - PI > -1e-9
+                    });
                     assert!(inside == holds || edge, "{} s = {s}: {intervals:?} {q:?}", chain.name());
                     checked += usize::from(inside);
                 }
                 // Just inside every edge the limits hold, just outside one of them breaks.
                 for [lo, hi] in intervals.iter().filter(|[lo, hi]| hi - lo < TAU && hi - lo > 4e-9) {
-                    for (s, expected) in [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)] {
+                    for (s, expected) in
+                        [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)]
+                    {
                         let q = branch.q(s).unwrap();
-                        let violation = q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
-                            let k = ((lo + margin - q) / TAU).ceil();
-                            (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
-                        });
+                        let violation =
+                            q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
+                                let k = ((lo + margin - q) / TAU).ceil();
+                                (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
+                            });
                         let worst = violation.fold(0.0, f64::max);
-                        let near_other = intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
-                        assert!((worst < 1e-11) == expected || near_other, "{s} in {lo} {hi}: {worst:e} {expected}");
+                        let near_other =
+                            intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
+                        assert!(
+                            (worst < 1e-11) == expected || near_other,
+                            "{s} in {lo} {hi}: {worst:e} {expected}"
+                        );
                     }
                 }
             }
@@ -204,7 +213,9 @@ fn degenerate_poses_close_without_nan() {
     let offsets = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3];
     for _ in 0..amount(2_000, 10_000) {
         let mut q = random_q(&mut rng, &chain);
-        let e = |rng: &mut rand_chacha::ChaCha8Rng| offsets[rng.random_range(0..7)] * if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+        let e = |rng: &mut rand_chacha::ChaCha8Rng| {
+            offsets[rng.random_range(0..7)] * if rng.random_bool(0.5) { 1.0 } else { -1.0 }
+        };
         // Gimbals of shoulder and wrist, stretched elbow; any mix of them.
         for joint in [1, 3, 5] {
             if rng.random_bool(0.6) {
@@ -261,7 +272,11 @@ fn out_of_reach_says_by_how_much() {
     // L3 - L2 = 0.05: wrist 10 mm from the shoulder is 40 mm too near.
     let near = arm.self_motion(&pose([0.01, 0.0, 0.315 + 0.08], [1.0, 0.0, 0.0, 0.0])).unwrap();
     assert!(near.reason().contains("40.000000 mm too near"), "{}", near.reason());
-    assert!(arm.solve(&pose([1.5, 0.0, 0.3], [1.0, 0.0, 0.0, 0.0]), Swivel::Angle(0.0), false).unwrap().is_empty());
+    assert!(
+        arm.solve(&pose([1.5, 0.0, 0.3], [1.0, 0.0, 0.0, 0.0]), Swivel::Angle(0.0), false)
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
@@ -317,7 +332,11 @@ fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
     let mut poses = Vec::new();
     let mut swivels = Vec::new();
     for i in 0..n {
-        let p = if i % 50 == 0 { random_pose(&mut rng, 3.0) } else { chain.forward(&random_q(&mut rng, &chain)).unwrap() };
+        let p = if i % 50 == 0 {
+            random_pose(&mut rng, 3.0)
+        } else {
+            chain.forward(&random_q(&mut rng, &chain)).unwrap()
+        };
         poses.extend(redundancy_core::pose_to_row_major(&p));
         swivels.push(rng.random_range(-PI..PI));
     }
@@ -332,7 +351,95 @@ fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
     for i in 0..n {
         let target = redundancy_core::pose_from_row_major(&poses[16 * i..16 * i + 16]).unwrap();
         let rows = arm.solve(&target, Swivel::Angle(swivels[i]), true).unwrap();
-        let batch: Vec<&[f64]> = (0..8).filter(|b| valid[8 * i + b]).map(|b| &q[56 * i + 7 * b..56 * i + 7 * b + 7]).collect();
+        let batch: Vec<&[f64]> =
+            (0..8).filter(|b| valid[8 * i + b]).map(|b| &q[56 * i + 7 * b..56 * i + 7 * b + 7]).collect();
         assert_eq!(rows.iter().map(|r| &r[..]).collect::<Vec<_>>(), batch);
+    }
+}
+
+#[test]
+fn best_and_nearest_are_never_worse_than_a_scan() {
+    use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
+    use std::sync::Arc;
+    let samples = amount(1_000, 10_000);
+    let mut arms = vec![pa10(), redundancy_core::chain::catalog::load("iiwa14").unwrap()];
+    for seed in 0..4 {
+        let offset = if seed % 2 == 0 { [0.0, 0.0] } else { [0.06, 0.02] };
+        arms.push(scrambled_srs(seed, [0.3, 0.4, 0.36, 0.12], offset, &narrow(seed)));
+    }
+    let mut rng = rng(7);
+    for chain in &arms {
+        let arm = SrsArm::new(chain).unwrap();
+        let range = JointRange::new(chain);
+        for k in 0..amount(30, 1_000) {
+            let target = chain.forward(&random_q(&mut rng, chain)).unwrap();
+            let motion = arm.self_motion(&target).unwrap();
+            let wish: Vec<f64> = (0..7).map(|_| rng.random_range(-4.0..4.0)).collect();
+            let posture = Posture::new(&wish).unwrap();
+            // The same sum with and without the form that the bounds use.
+            let sum = Weighted::sum(Arc::new(range.clone()), Arc::new(posture.clone())).unwrap();
+            let opposite = Weighted::multiple(-1.0, Arc::new(range.clone())).unwrap();
+            let criteria: [&dyn Criterion; 4] = [&range, &posture, &sum, &opposite];
+            for criterion in criteria {
+                let best = motion.best(criterion).unwrap().unwrap();
+                assert!(chain.within_limits(&best.q, 0.0));
+                assert!(pose_error(&chain.forward(&best.q).unwrap(), &target) < 1e-11);
+                let sign = criterion.sense().sign();
+                assert_eq!(best.value, criterion.value(&best.q));
+                for branch in motion.branches() {
+                    for [lo, hi] in branch.intervals(0.0).unwrap() {
+                        for i in 0..=samples / 8 {
+                            let s = lo + (hi - lo) * i as f64 / (samples / 8) as f64;
+                            let q = branch.q(s).unwrap();
+                            if !chain.within_limits(&q, 0.0) {
+                                continue;
+                            }
+                            let better = sign * (best.value - criterion.value(&q));
+                            assert!(
+                                better < 1e-9,
+                                "{} {k}: {better:e} at {s} of {:?}",
+                                chain.name(),
+                                branch.signs()
+                            );
+                        }
+                    }
+                }
+            }
+            let near = motion.nearest(&wish).unwrap().unwrap();
+            let distance = |q: &[f64]| q.iter().zip(&wish).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            assert!((near.value - distance(&near.q)).abs() < 1e-12);
+            for branch in motion.branches() {
+                for i in 0..samples {
+                    let q = branch.q(TAU * i as f64 / samples as f64).unwrap();
+                    // Every winding within the limits, joint by joint.
+                    let mut sum = 0.0;
+                    for j in 0..7 {
+                        let windings = (-3..=3).map(|k| q[j] + TAU * f64::from(k));
+                        let allowed = windings.filter(|q| *q >= chain.lower()[j] && *q <= chain.upper()[j]);
+                        sum += allowed.map(|q| (q - wish[j]).powi(2)).fold(f64::INFINITY, f64::min);
+                    }
+                    assert!(
+                        near.value <= sum.sqrt() + 1e-9,
+                        "{} {} {}",
+                        chain.name(),
+                        near.value,
+                        sum.sqrt()
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_maker_is_its_own_nearest() {
+    let chain = pa10();
+    let arm = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(8);
+    for _ in 0..amount(300, 3_000) {
+        let q: Vec<f64> =
+            chain.lower().iter().zip(chain.upper()).map(|(lo, hi)| rng.random_range(*lo..*hi)).collect();
+        let near = arm.self_motion(&chain.forward(&q).unwrap()).unwrap().nearest(&q).unwrap().unwrap();
+        assert!(near.value < 1e-7, "{q:?} {near:?}");
     }
 }
