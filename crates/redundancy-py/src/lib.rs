@@ -5,7 +5,10 @@ use pyo3::prelude::*;
 mod batch;
 mod chain;
 mod convert;
+mod criterion;
 mod error;
+mod self_motion;
+mod status;
 
 #[pymodule]
 mod _core {
@@ -13,6 +16,10 @@ mod _core {
 
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use criterion::{PyCriterion, PyJointRange, PyPosture};
+    #[pymodule_export]
+    use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
