@@ -67,7 +67,7 @@ demo: $(VENV)/.wheel
 test: lint rust-test python-test examples package
 
 test-full:
-	REDUNDANCY_FULL=1 $(MAKE) test
+	REDUNDANCY_TEST_FULL=1 $(MAKE) test
 
 format: $(VENV)/.dev
 	cargo fmt --all

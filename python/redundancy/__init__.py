@@ -1,6 +1,8 @@
 """What to do with a robot arm's spare freedom."""
 
+from redundancy import catalog
 from redundancy._core import (
+    Chain,
     DescriptionError,
     FileFormatError,
     NotSrsError,
@@ -9,9 +11,11 @@ from redundancy._core import (
 )
 
 __all__ = [
+    "Chain",
     "DescriptionError",
     "FileFormatError",
     "NotSrsError",
     "RedundancyError",
     "__version__",
+    "catalog",
 ]

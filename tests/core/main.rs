@@ -1,3 +1,4 @@
-//! Public behaviour, properties, agreement, tables of the papers: one test binary.
+//! One binary for the public behaviour of the core.
 
-mod smoke;
+mod self_motion;
+mod support;

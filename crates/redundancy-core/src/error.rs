@@ -92,10 +92,8 @@ pub enum Error {
     /// The chain is not of the structure that a closed form needs.
     #[error("not a spherical-revolute-spherical arm: {reason}")]
     NotSrs {
-        /// Which condition fails, with the measured value.
+        /// Which condition fails, by how many millimetres or milliradians.
         reason: String,
-        /// The measured violation in millimetres, or milliradians where the condition is an angle.
-        measured: f64,
     },
     /// A file with a path or trajectory is broken.
     #[error("{file}: {message}")]

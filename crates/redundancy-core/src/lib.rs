@@ -20,6 +20,7 @@
 pub mod chain;
 pub mod kinematics;
 pub mod rotation;
+pub mod self_motion;
 pub mod tolerance;
 
 mod error;

@@ -7,5 +7,37 @@ pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
 /// Least norm of a vector that is meant as a direction: below it the rounding of the entries decides.
 pub const DIRECTION_NORM: f64 = 1e-9;
 
+/// Largest deviation from 1 of the norm of an axis that is taken as unit already: four units in the last place,
+/// what normalising and computing the norm can leave.
+pub const UNIT_AXIS: f64 = 4.0 * f64::EPSILON;
+
 /// Largest deviation from 1 of the norm of a quaternion that is silently normalised (file input).
 pub const QUATERNION_NORM: f64 = 1e-3;
+
+/// Largest distance by which axes of an S-R-S arm may miss their common point, m. Calibrated robots and rounded
+/// URDFs stay below; the smallest real wrist offsets (some mm) do not.
+pub const SRS_DISTANCE: f64 = 1e-4;
+
+/// Largest deviation from a right angle between neighbouring axes of a spherical joint, rad: a URDF that
+/// writes 1.5708 or 1.57 for pi/2 is off by 3.7e-6 or 8e-4.
+pub const SRS_ANGLE: f64 = 1e-3;
+
+/// Below this an elbow has no offset: the upper arm runs along axis 3 and the forearm along axis 5, rad.
+/// Above it the general (slower) form is used, which is exact for any offset.
+pub const SRS_ALIGNED: f64 = 1e-9;
+
+/// Least distance of the shoulder and the wrist from the elbow axis, m: an elbow that moves nothing is none.
+pub const SRS_ELBOW_RADIUS: f64 = 1e-6;
+
+/// Excess over the reach, relative to the arm's length, that rounding explains: a stretched arm is reachable.
+pub const REACH_ROUNDING: f64 = 1e-13;
+
+/// Sine of the middle angle of a spherical joint below which only the sum of the outer angles is defined.
+/// The first one is then 0; what is lost in the pose is below this number.
+pub const GIMBAL_SINE: f64 = 1e-13;
+
+/// A joint this little outside a limit (rad) is at the limit; the value returned is clamped to it.
+pub const LIMIT_SLACK: f64 = 1e-12;
+
+/// Angle (rad) between two directions below which a projected reference axis is undefined.
+pub const REFERENCE_PARALLEL: f64 = 1e-6;

@@ -3,12 +3,16 @@
 use pyo3::prelude::*;
 
 mod batch;
+mod chain;
 mod convert;
 mod error;
 
 #[pymodule]
 mod _core {
     use super::*;
+
+    #[pymodule_export]
+    use chain::{PyChain, catalog_load, catalog_names};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

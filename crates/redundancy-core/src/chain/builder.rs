@@ -6,9 +6,9 @@ use nalgebra::{Unit, Vector3};
 
 use super::chain::{Chain, Link};
 use super::joint::{Inertia, Joint, JointKind, Limits};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, check_finite};
 use crate::pose::{Pose, check_pose};
-use crate::tolerance::DIRECTION_NORM;
+use crate::tolerance::{DIRECTION_NORM, UNIT_AXIS};
 
 /// Collects joints and links from base to tip; [`build`](Self::build) checks them all.
 ///
@@ -30,6 +30,8 @@ pub struct ChainBuilder {
     inertias: Option<Vec<Inertia>>,
     base: Pose,
     tool: Pose,
+    /// The first mistake that a method noticed; `build` reports it.
+    mistake: Option<Error>,
 }
 
 #[derive(Debug, Clone)]
@@ -51,6 +53,7 @@ impl ChainBuilder {
             inertias: None,
             base: Pose::identity(),
             tool: Pose::identity(),
+            mistake: None,
         }
     }
 
@@ -82,15 +85,67 @@ impl ChainBuilder {
         self
     }
 
+    /// Mass properties of the moved bodies, one per joint, each in the frame of the first link named after it
+    /// (the frame of the row for a chain from Denavit-Hartenberg rows). A wrong count is reported by `build`.
+    #[must_use]
+    pub fn link_inertias(mut self, inertias: &[Inertia]) -> Self {
+        self.expect_count("inertias", inertias.len());
+        let frame = |joint| self.links.iter().find(|l| l.joints_before == joint + 1).map(|l| l.offset);
+        let moved = inertias.iter().enumerate().map(|(i, inertia)| match frame(i) {
+            Some(offset) => inertia.moved(&offset),
+            None => *inertia,
+        });
+        self.inertias = Some(moved.collect());
+        self
+    }
+
     /// Limits of all joints, in order; replaces earlier ones. A wrong count is reported by `build`.
     #[must_use]
     pub fn limits(mut self, limits: &[Limits]) -> Self {
-        if limits.len() == self.joints.len() {
-            for (joint, limit) in self.joints.iter_mut().zip(limits) {
-                joint.limits = *limit;
-            }
+        self.expect_count("limits", limits.len());
+        for (joint, limit) in self.joints.iter_mut().zip(limits) {
+            joint.limits = *limit;
         }
         self
+    }
+
+    /// Names of all joints, in order; replaces earlier ones. A wrong count is reported by `build`.
+    #[must_use]
+    pub fn joint_names<S: Into<String>>(mut self, names: impl IntoIterator<Item = S>) -> Self {
+        let names: Vec<String> = names.into_iter().map(Into::into).collect();
+        self.expect_count("joint names", names.len());
+        for (joint, name) in self.joints.iter_mut().zip(names) {
+            joint.name = name;
+        }
+        self
+    }
+
+    /// Names of all links so far, base first; replaces earlier ones. A wrong count is reported by `build`.
+    #[must_use]
+    pub fn link_names<S: Into<String>>(mut self, names: impl IntoIterator<Item = S>) -> Self {
+        let names: Vec<String> = names.into_iter().map(Into::into).collect();
+        if names.len() != self.links.len() && self.mistake.is_none() {
+            let (expected, actual) = (self.links.len(), names.len());
+            self.mistake = Some(Error::Length { what: "link names".into(), expected, actual });
+        }
+        for (link, name) in self.links.iter_mut().zip(names) {
+            link.name = name;
+        }
+        self
+    }
+
+    /// Notes the first number that is not finite.
+    pub(super) fn expect_finite(&mut self, what: &str, values: &[f64]) {
+        if self.mistake.is_none() {
+            self.mistake = check_finite(what, values).err();
+        }
+    }
+
+    fn expect_count(&mut self, what: &str, actual: usize) {
+        let expected = self.joints.len();
+        if actual != expected && self.mistake.is_none() {
+            self.mistake = Some(Error::Length { what: what.into(), expected, actual });
+        }
     }
 
     /// Pose of the base link in the world.
@@ -113,6 +168,9 @@ impl ChainBuilder {
     /// No joint, a name used twice, an axis without length, a placement that is not rigid, limits that are
     /// inverted or NaN, inertias that are negative or too few. The message names the joint or link.
     pub fn build(self) -> Result<Chain> {
+        if let Some(mistake) = self.mistake {
+            return Err(mistake);
+        }
         if self.joints.is_empty() {
             return Err(Error::Description(format!("'{}' has no moving joint", self.name)));
         }
@@ -152,8 +210,12 @@ impl ChainBuilder {
 }
 
 fn checked_axis(joint: &str, axis: Vector3<f64>) -> Result<Unit<Vector3<f64>>> {
-    crate::error::check_finite(&format!("axis of joint '{joint}'"), axis.as_slice())?;
+    check_finite(&format!("axis of joint '{joint}'"), axis.as_slice())?;
     let norm = axis.norm();
+    // A unit axis stays as it is, to the bit: dividing once more could change its last digit.
+    if (norm - 1.0).abs() <= UNIT_AXIS {
+        return Ok(Unit::new_unchecked(axis));
+    }
     Unit::try_new(axis, DIRECTION_NORM).ok_or_else(|| Error::ZeroDirection {
         what: format!("axis of joint '{joint}'"),
         norm,

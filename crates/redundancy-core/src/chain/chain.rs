@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::joint::{Inertia, Joint, Limits};
+use super::joint::{Inertia, Joint, JointKind, Limits};
 use crate::error::{Error, Result, check_length, check_vector};
 use crate::pose::{Pose, pose};
 
@@ -151,7 +151,8 @@ impl Chain {
         Ok(self.changed(|inner| inner.base = base))
     }
 
-    /// The same arm with other limits, one entry per joint.
+    /// The same arm with other limits, one entry per joint. A continuous joint that gets a position limit is
+    /// revolute from then on.
     ///
     /// # Errors
     /// Wrong length, inverted or NaN limits, velocity, acceleration or effort that is not positive.
@@ -165,6 +166,10 @@ impl Chain {
         Ok(self.changed(|inner| {
             for (joint, limit) in inner.joints.iter_mut().zip(limits) {
                 joint.limits = *limit;
+                if joint.kind == JointKind::Continuous && (limit.lower.is_finite() || limit.upper.is_finite())
+                {
+                    joint.kind = JointKind::Revolute;
+                }
             }
         }))
     }

@@ -3,11 +3,13 @@
 //! Standard (distal): `T_i = Rz(theta + q) Tz(d) Tx(a) Rx(alpha)`, the joint axis is z of frame i-1.
 //! Modified (proximal, Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + q) Tz(d)`, the joint axis is z of frame i.
 
-use nalgebra::{Rotation3, Translation3, Vector3};
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{Matrix3, Vector3};
 
 use super::builder::ChainBuilder;
 use super::joint::{JointKind, Limits};
-use crate::pose::Pose;
+use crate::pose::{Pose, pose};
 
 /// One row: lengths in m, angles in rad; `theta` is the offset that is added to the joint angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +40,10 @@ impl ChainBuilder {
         let mut builder = Self::new(name, "base");
         let mut placement = Pose::identity();
         for (i, row) in rows.iter().enumerate() {
+            builder.expect_finite(
+                &format!("D-H row {i} (a, d, alpha, theta)"),
+                &[row.a, row.d, row.alpha, row.theta],
+            );
             let about_z = rotation(Vector3::z(), row.theta) * translation(0.0, row.d);
             let about_x = rotation(Vector3::x(), row.alpha) * translation(row.a, 0.0);
             let (before, after) = match convention {
@@ -53,10 +59,31 @@ impl ChainBuilder {
     }
 }
 
+/// Rotation by `angle` about a coordinate axis.
 fn rotation(axis: Vector3<f64>, angle: f64) -> Pose {
-    Pose::from_parts(Translation3::identity(), Rotation3::new(axis * angle))
+    let (sin, cos) = sin_cos_exact(angle);
+    let k = axis.cross_matrix();
+    let rotation = Matrix3::identity() + k * sin + k * k * (1.0 - cos);
+    pose(rotation, Vector3::zeros())
 }
 
 fn translation(x: f64, z: f64) -> Pose {
-    Pose::from_parts(Translation3::new(x, 0.0, z), Rotation3::identity())
+    pose(Matrix3::identity(), Vector3::new(x, 0.0, z))
+}
+
+/// Sine and cosine, exact (0 and +-1) at the doubles that stand for whole quarter turns.
+///
+/// The double nearest to pi/2 has cosine 6e-17. In a table of D-H rows it means a right angle, and axes that meet
+/// at right angles are what closed forms look for.
+fn sin_cos_exact(angle: f64) -> (f64, f64) {
+    let quarters = (angle / FRAC_PI_2).round();
+    if quarters.abs() > 4.0 || quarters * FRAC_PI_2 != angle {
+        return angle.sin_cos();
+    }
+    match quarters as i64 & 3 {
+        0 => (0.0, 1.0),
+        1 => (1.0, 0.0),
+        2 => (0.0, -1.0),
+        _ => (-1.0, 0.0),
+    }
 }

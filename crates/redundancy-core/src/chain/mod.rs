@@ -4,6 +4,8 @@
 //! from Denavit-Hartenberg rows ([`ChainBuilder::from_dh`]), from joints one by one ([`ChainBuilder`]), from a
 //! URDF ([`urdf`]) or from the compiled-in [`catalog`].
 
+pub mod catalog;
+
 mod builder;
 #[allow(clippy::module_inception)]
 mod chain;

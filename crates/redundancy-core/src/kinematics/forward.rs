@@ -1,11 +1,9 @@
 //! Forward kinematics: the product of placements and joint motions.
 
-use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
-
-use crate::chain::{Chain, Step};
+use crate::chain::{Chain, Link, Step};
 use crate::error::{Error, Result};
 use crate::pose::{Pose, pose};
+use nalgebra::{Matrix3, Vector3};
 
 /// Running frame of the forward pass, kept as columns: a joint turns only x and y.
 #[derive(Clone, Copy)]
@@ -77,11 +75,21 @@ impl Chain {
     /// Wrong length of `q`, an entry that is not finite, an index that is no link.
     pub fn forward_link(&self, q: &[f64], link: usize) -> Result<Pose> {
         self.check_q(q)?;
-        let link = self.links().get(link).ok_or_else(|| Error::OutOfRange {
+        let link = self.link(link)?;
+        Ok(self.forward_link_unchecked(q, link))
+    }
+
+    /// The link with this index.
+    pub(crate) fn link(&self, index: usize) -> Result<&Link> {
+        self.links().get(index).ok_or_else(|| Error::OutOfRange {
             what: "link index".into(),
-            value: link as f64,
+            value: index as f64,
             bound: format!("< {}", self.links().len()),
-        })?;
+        })
+    }
+
+    /// [`Chain::forward_link`] for a `q` that was checked before.
+    pub(crate) fn forward_link_unchecked(&self, q: &[f64], link: &Link) -> Pose {
         let mut frame = Frame::world();
         for (step, q) in self.steps().iter().zip(q).take(link.joints_before) {
             frame = frame.at_joint(step).moved(step, *q);
@@ -94,27 +102,7 @@ impl Chain {
                 frame.placed(&to_z.transpose(), &Vector3::zeros()).pose()
             }
         };
-        Ok(out * link.offset)
-    }
-
-    /// Poses of the tool at many `q`: `q` has `N * dof` entries row by row, `out` is called with each row in order.
-    ///
-    /// Rows are spread over rayon's current pool; the bits do not depend on the number of threads.
-    ///
-    /// # Errors
-    /// A length that is not a multiple of `dof`, or an entry that is not finite.
-    pub fn forward_batch(&self, q: &[f64]) -> Result<Vec<Pose>> {
-        self.check_batch(q)?;
-        Ok(q.par_chunks_exact(self.dof()).with_min_len(256).map(|q| self.forward_unchecked(q)).collect())
-    }
-
-    /// Checks the rows of a batch.
-    pub(crate) fn check_batch(&self, q: &[f64]) -> Result<()> {
-        if !q.len().is_multiple_of(self.dof()) {
-            let expected = q.len().div_ceil(self.dof()) * self.dof();
-            return Err(Error::Length { what: "batch of q".into(), expected, actual: q.len() });
-        }
-        crate::error::check_finite("batch of q", q)
+        out * link.offset
     }
 
     /// [`Chain::forward`] for a `q` that was checked before.

@@ -53,6 +53,19 @@ impl<'a> Kinematics<'a> {
         &self.scratch.jacobian
     }
 
+    /// Writes the Jacobian row by row, as numpy lays it out.
+    ///
+    /// # Panics
+    /// Never; what does not fit into `out` is left out.
+    pub fn write_jacobian(&self, out: &mut [f64]) {
+        let columns = self.scratch.jacobian.as_slice().as_chunks::<6>().0;
+        for (row, out) in out.chunks_exact_mut(columns.len().max(1)).take(6).enumerate() {
+            for (entry, column) in out.iter_mut().zip(columns) {
+                *entry = column[row];
+            }
+        }
+    }
+
     /// A point on each joint axis in the world, m.
     pub fn origins(&self) -> &'a [Vector3<f64>] {
         &self.scratch.origins

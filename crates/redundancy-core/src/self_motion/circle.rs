@@ -1,0 +1,209 @@
+//! The circle of solutions over one pose: [`SelfMotion`], and its members [`Branch`].
+
+use std::sync::OnceLock;
+
+use super::intervals::Arcs;
+use super::srs::{Circle, Reach, SrsArm, signs};
+use crate::error::{Error, Result};
+use crate::status::Status;
+
+/// Every configuration over one pose: up to eight circles, one per branch.
+///
+/// ```
+/// use redundancy_core::{Status, chain::catalog, self_motion::SrsArm};
+/// let chain = catalog::load("pa10")?;
+/// let pose = chain.forward(&[0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9])?;
+/// let motion = SrsArm::new(&chain)?.self_motion(&pose)?;
+/// assert_eq!(motion.status(), Status::Converged);
+/// let branch = &motion.branches()[0];
+/// let [lo, hi] = branch.intervals(0.0)?[0];
+/// assert!(chain.within_limits(&branch.q((lo + hi) / 2.0)?, 0.0));
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct SelfMotion {
+    pub(super) arm: SrsArm,
+    pub(super) circle: Circle,
+    reach: Reach,
+    /// Feasible arcs without margin, computed when first asked for.
+    arcs: OnceLock<Arcs>,
+}
+
+impl SelfMotion {
+    pub(super) fn new(arm: SrsArm, circle: Circle, reach: Reach) -> Self {
+        Self { arm, circle, reach, arcs: OnceLock::new() }
+    }
+
+    /// The arm.
+    pub fn arm(&self) -> &SrsArm {
+        &self.arm
+    }
+
+    /// `Converged`, `Unreachable` (no configuration at all) or `Limits` (none within the joint limits).
+    pub fn status(&self) -> Status {
+        if self.reach != Reach::Inside {
+            Status::Unreachable
+        } else if self.arcs().is_empty() {
+            Status::Limits
+        } else {
+            Status::Converged
+        }
+    }
+
+    /// Why there is no configuration within the limits, with the number; empty when there is one.
+    pub fn reason(&self) -> String {
+        match self.status() {
+            Status::Unreachable => SrsArm::reach_reason(self.reach).map_or_else(String::new, |(_, text)| text),
+            Status::Limits => self.limits_reason(),
+            _ => String::new(),
+        }
+    }
+
+    /// The branches that are distinct circles: eight, or four for the stretched and the folded arm, whose two elbows
+    /// are one circle; none when the pose is out of reach.
+    pub fn branches(&self) -> Vec<Branch<'_>> {
+        self.branch_indices().map(|index| Branch { motion: self, index }).collect()
+    }
+
+    /// The branch with signs `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0] = index`.
+    ///
+    /// # Errors
+    /// An index above 7, or a pose out of reach.
+    pub fn branch(&self, index: usize) -> Result<Branch<'_>> {
+        if index > 7 {
+            return Err(Error::OutOfRange { what: "branch index".into(), value: index as f64, bound: "<= 7".into() });
+        }
+        match SrsArm::reach_reason(self.reach) {
+            Some((_, reason)) => Err(Error::Invalid(format!("no branch over this pose: {reason}"))),
+            None => Ok(Branch { motion: self, index }),
+        }
+    }
+
+    /// Indices of [`SelfMotion::branches`].
+    pub(super) fn branch_indices(&self) -> impl Iterator<Item = usize> + use<> {
+        let reachable = self.reach == Reach::Inside;
+        let one_elbow = self.circle.sin_elbow == 0.0;
+        (0..8).filter(move |index| reachable && !(one_elbow && index & 2 != 0))
+    }
+
+    /// Feasible arcs without margin.
+    pub(super) fn arcs(&self) -> &Arcs {
+        self.arcs.get_or_init(|| Arcs::new(&self.arm, &self.circle, &self.arm.inner.bounds))
+    }
+
+    /// Which limit is missed by how little at best: the least violation over all branches and swivels, estimated on
+    /// a grid and refined.
+    fn limits_reason(&self) -> String {
+        const SAMPLES: usize = 360;
+        let (lower, upper) = (&self.arm.inner.lower, &self.arm.inner.upper);
+        let violation = |branch: usize, s: f64| {
+            let (sin, cos) = s.sin_cos();
+            let q = self.circle.branch(&self.arm.inner.geometry, [cos, sin], branch);
+            let mut worst = (0.0, 0);
+            for i in 0..7 {
+                let miss = outside(q[i], lower[i], upper[i]);
+                if miss > worst.0 {
+                    worst = (miss, i);
+                }
+            }
+            worst
+        };
+        let mut best = (f64::INFINITY, 0, 0, 0.0);
+        for branch in self.branch_indices() {
+            for k in 0..SAMPLES {
+                let s = std::f64::consts::TAU * k as f64 / SAMPLES as f64;
+                let (miss, joint) = violation(branch, s);
+                if miss < best.0 {
+                    best = (miss, joint, branch, s);
+                }
+            }
+        }
+        // Golden section is not needed: halve the step around the best sample.
+        let mut step = std::f64::consts::TAU / SAMPLES as f64;
+        while step > 1e-9 {
+            for s in [best.3 - step, best.3 + step] {
+                let (miss, joint) = violation(best.2, s);
+                if miss < best.0 {
+                    best = (miss, joint, best.2, s);
+                }
+            }
+            step /= 2.0;
+        }
+        let joint = &self.arm.chain().joints()[best.1];
+        format!(
+            "no swivel of any branch holds all joint limits; at best joint '{}' is {:.6} rad outside [{:.6}, {:.6}]",
+            joint.name, best.0, joint.limits.lower, joint.limits.upper
+        )
+    }
+}
+
+/// How far the best winding of `q` is outside of its limits.
+fn outside(q: f64, lower: f64, upper: f64) -> f64 {
+    let turn = std::f64::consts::TAU;
+    let above = q + turn * ((lower - q) / turn).ceil();
+    let below = above - turn;
+    (above - upper).max(0.0).min(lower - below)
+}
+
+/// One circle of configurations: fixed signs of theta2, theta4, theta6, the swivel s runs.
+#[derive(Debug, Clone, Copy)]
+pub struct Branch<'a> {
+    motion: &'a SelfMotion,
+    index: usize,
+}
+
+impl Branch<'_> {
+    /// Index in branch order, `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    /// Signs of theta2, theta4, theta6.
+    pub fn signs(&self) -> [i8; 3] {
+        signs(self.index)
+    }
+
+    /// The configuration at swivel `s` (rad): principal values unless that breaks a limit and a winding does not.
+    ///
+    /// # Errors
+    /// A swivel that is not finite.
+    pub fn q(&self, s: f64) -> Result<[f64; 7]> {
+        let u = super::Swivel::Angle(s).direction()?;
+        Ok(self.q_at(u))
+    }
+
+    pub(super) fn q_at(&self, u: [f64; 2]) -> [f64; 7] {
+        let SelfMotion { arm, circle, .. } = self.motion;
+        let q = circle.branch(&arm.inner.geometry, u, self.index);
+        arm.hold_limits(&q).unwrap_or(q)
+    }
+
+    /// `dq/ds` at swivel `s`: in the kernel of the Jacobian. Grows without bound towards a gimbal (theta2 or theta6 a
+    /// multiple of pi); at one the limit along the swivel is returned.
+    ///
+    /// # Errors
+    /// A swivel that is not finite.
+    pub fn tangent(&self, s: f64) -> Result<[f64; 7]> {
+        let u = super::Swivel::Angle(s).direction()?;
+        let SelfMotion { arm, circle, .. } = self.motion;
+        Ok(circle.tangent(&arm.inner.geometry, u, self.index))
+    }
+
+    /// Where all joint limits hold with `margin` (rad, per joint, from each limit): intervals `[lo, hi]`, ascending,
+    /// `lo` in `(-pi, pi]`; `s` is inside when `(s - lo) mod 2 pi <= hi - lo`. Exact: no sampling. A single touching
+    /// point has `lo = hi`.
+    ///
+    /// # Errors
+    /// A margin that is negative or not finite.
+    pub fn intervals(&self, margin: f64) -> Result<Vec<[f64; 2]>> {
+        if !margin.is_finite() || margin < 0.0 {
+            return Err(Error::OutOfRange { what: "margin".into(), value: margin, bound: ">= 0 and finite".into() });
+        }
+        if margin == 0.0 {
+            return Ok(self.motion.arcs().of(self.index));
+        }
+        let inner = &self.motion.arm.inner;
+        let bounds = super::intervals::bounds(&inner.geometry, &inner.lower, &inner.upper, margin);
+        Ok(Arcs::new(&self.motion.arm, &self.motion.circle, &bounds).of(self.index))
+    }
+}

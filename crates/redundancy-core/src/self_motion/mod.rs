@@ -1,0 +1,16 @@
+//! The set of configurations over one pose, as an object.
+//!
+//! A seven-joint arm whose shoulder and wrist are spherical meets a pose on up to eight circles. [`SrsArm`]
+//! recognises such arms from their geometry; [`SelfMotion`] is the set over one pose and [`Branch`] one circle of
+//! it, with the exact arcs on which the joint limits hold.
+
+mod chart;
+mod circle;
+mod geometry;
+mod intervals;
+mod srs;
+
+pub use chart::Chart;
+pub use circle::{Branch, SelfMotion};
+pub use geometry::Defect;
+pub use srs::{SrsArm, Swivel};

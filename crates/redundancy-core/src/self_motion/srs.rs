@@ -1,0 +1,611 @@
+//! Closed-form inverse kinematics of spherical-revolute-spherical arms [Moore2010], with the corrections of the
+//! project's notes.
+//!
+//! For a pose the wrist centre W is fixed. With `v = W - S`, `d = |v|`, `n = v/d` and arms of length L2, L3:
+//!
+//! 1. reachable iff `|L2 - L3| <= d <= L2 + L3`;
+//! 2. `P = sqrt((d^2 - (L2-L3)^2) ((L2+L3)^2 - d^2))`, `a = (d^2 + L2^2 - L3^2)/(2d)`, `rho = P/(2d)`,
+//!    `theta4 = atan2(P, d^2 - L2^2 - L3^2)`. (The paper's eq. (21) holds only when the circle's centre lies between S
+//!    and W, and has the other elbow's sign in its example.)
+//! 3. `w = cos s w0 + sin s w1` ([`Chart`]); elbow at `S + a n + rho w`;
+//! 4. `y3 = w x n`, `z3 = (a n + rho w)/L2`, `x3 = (rho n - a w)/L2`: valid for rho = 0, where the paper's eq. (23) is
+//!    0/0. The other elbow negates x3 and y3;
+//! 5. joints 1..3 are the ZYZ angles of `R3 = [x3 y3 z3]`, joints 5..7 those of `(R3 Ry(theta4))^T R`.
+//!
+//! The third ZYZ angle is taken from the second row of `Rz(-first) R`, not from the last row as in the paper's
+//! eqs (11), (12): that is well conditioned through the gimbal, where only first + third is defined (first = 0 then).
+//!
+//! The eight branches are the signs of theta2, theta4, theta6. Without an elbow offset they share seven arc
+//! tangents: theta1 and theta7 turn by pi with the sign of theta2 and theta6, theta3 with s2 s4, theta5 with s4 s6.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::chart::{Chart, zero_direction};
+use super::circle::SelfMotion;
+use super::geometry::{Defect, Geometry, wrapped};
+use super::intervals::{Bound, bounds};
+use crate::chain::Chain;
+use crate::error::{Error, Result};
+use crate::pose::{Pose, check_pose, pose_from_row_major};
+use crate::status::Status;
+use crate::tolerance::{GIMBAL_SINE, LIMIT_SLACK, REACH_ROUNDING};
+
+/// A swivel: where the elbow is on its circle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Swivel {
+    /// The angle s, rad.
+    Angle(f64),
+    /// The swivel quaternion `u = (cos s, sin s)` of [Moore2010, eq. (13)]; of any length but zero. No trigonometric
+    /// function of s is evaluated then.
+    Direction(f64, f64),
+}
+
+impl Swivel {
+    /// The unit vector `(cos s, sin s)`.
+    pub(super) fn direction(self) -> Result<[f64; 2]> {
+        match self {
+            Self::Angle(s) if s.is_finite() => {
+                let (sin, cos) = s.sin_cos();
+                Ok([cos, sin])
+            }
+            Self::Angle(s) => Err(Error::NotFinite { what: "swivel".into(), index: 0, value: s }),
+            Self::Direction(x, y) => {
+                crate::error::check_finite("swivel", &[x, y])?;
+                let norm = x.hypot(y);
+                if norm < crate::tolerance::DIRECTION_NORM {
+                    let (what, minimum) = ("swivel (cos s, sin s)".to_string(), crate::tolerance::DIRECTION_NORM);
+                    return Err(Error::ZeroDirection { what, norm, minimum });
+                }
+                Ok([x / norm, y / norm])
+            }
+        }
+    }
+}
+
+/// A recognised spherical-revolute-spherical arm with its closed-form inverse kinematics.
+///
+/// ```
+/// use redundancy_core::chain::catalog;
+/// use redundancy_core::self_motion::{SrsArm, Swivel};
+/// let chain = catalog::load("pa10")?;
+/// let arm = SrsArm::new(&chain)?;
+/// let q = [0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9];
+/// let pose = chain.forward(&q)?;
+/// let same = arm.solve(&pose, Swivel::Angle(arm.swivel(&q)?), true)?;
+/// assert!(same.iter().any(|p| p.iter().zip(&q).all(|(a, b)| (a - b).abs() < 1e-12)));
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct SrsArm {
+    pub(super) inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+pub(super) struct Inner {
+    pub chain: Chain,
+    pub chart: Chart,
+    pub geometry: Geometry,
+    pub chart_frame: Matrix3<f64>,
+    /// From chart frame to swivel frame; `None` where they are the same.
+    pub chart_to_frame: Option<Matrix3<f64>>,
+    pub lower: [f64; 7],
+    pub upper: [f64; 7],
+    /// The limits as arcs of the paper's angles.
+    pub bounds: [Bound; 7],
+}
+
+/// Signs of a branch from its index `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
+pub(super) fn signs(branch: usize) -> [i8; 3] {
+    [4, 2, 1].map(|bit| if branch & bit == 0 { 1 } else { -1 })
+}
+
+/// The circle of elbow positions over one pose: everything that does not depend on the swivel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Circle {
+    /// Shoulder to wrist, swivel frame.
+    pub n: Vector3<f64>,
+    /// Elbow direction at s = 0 and s = pi/2, swivel frame.
+    pub w0: Vector3<f64>,
+    /// See `w0`.
+    pub w1: Vector3<f64>,
+    /// Upper arm direction is `cos_upper n + sin_upper w`.
+    pub cos_upper: f64,
+    /// See `cos_upper`.
+    pub sin_upper: f64,
+    /// Elbow angle of the paper, in `[0, pi]`, with its cosine and sine.
+    pub elbow: f64,
+    pub cos_elbow: f64,
+    pub sin_elbow: f64,
+    /// Tool rotation as the wrist sees it, swivel frame: its third column is the last axis.
+    pub tool: Matrix3<f64>,
+}
+
+/// Distance from shoulder to wrist outside of the reach, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Reach {
+    Inside,
+    TooFar(f64),
+    TooNear(f64),
+}
+
+/// First, middle (in `[0, pi]`) and third angle of `Rz(a) Ry(b) Rz(c)`.
+///
+/// Arguments: the third column `z`, the rows 1, 2 of the first two columns, and the axis about which the product turns
+/// as the swivel moves. The third angle follows from the first through `Rz(-a) R`, whose second row is
+/// `(sin c, cos c, 0)`.
+#[inline(always)]
+fn zyz(z: [f64; 3], x: [f64; 2], y: [f64; 2], turn: [f64; 2]) -> [f64; 3] {
+    let h = (z[0] * z[0] + z[1] * z[1]).sqrt();
+    let (ca, sa) = if h > GIMBAL_SINE { (z[0] / h, z[1] / h) } else { first_at_gimbal(turn) };
+    [sa.atan2(ca), h.atan2(z[2]), (ca * x[1] - sa * x[0]).atan2(ca * y[1] - sa * y[0])]
+}
+
+/// Cosine and sine of the first angle where only its sum with the third is defined: the limit on the way of the
+/// swivel through the gimbal (the middle axis stands on the turn axis), 0 where the swivel stays in the gimbal.
+#[cold]
+fn first_at_gimbal(turn: [f64; 2]) -> (f64, f64) {
+    let norm = turn[0].hypot(turn[1]);
+    if norm > GIMBAL_SINE { (turn[1] / norm, -turn[0] / norm) } else { (1.0, 0.0) }
+}
+
+/// `angle` moved by pi into `(-pi, pi]`.
+#[inline(always)]
+fn opposite(angle: f64) -> f64 {
+    if angle > 0.0 { angle - PI } else { angle + PI }
+}
+
+impl Circle {
+    /// Angles of the paper for the swivel direction `u`: the shared ones `[a, b, c, t, d, e, f]` of branch +++, for
+    /// one elbow sign (`elbow = 1.0` or `-1.0`; aligned arms need only `1.0`).
+    #[inline(always)]
+    pub fn angles(&self, geometry: &Geometry, u: [f64; 2], elbow: f64) -> [f64; 7] {
+        let w = self.w0 * u[0] + self.w1 * u[1];
+        let z3 = self.n * self.cos_upper + w * self.sin_upper;
+        let x3 = (self.n * self.sin_upper - w * self.cos_upper) * elbow;
+        let y3 = w.cross(&self.n) * elbow;
+        let (sin, cos) = (self.sin_elbow * elbow, self.cos_elbow);
+        let xf = x3 * cos - z3 * sin;
+        let zf = x3 * sin + z3 * cos;
+        let t = &self.tool;
+        let turn = self.wrist_turn(geometry, elbow);
+        let [a, b, c];
+        let [d, e, f];
+        if geometry.aligned {
+            [a, b, c] = zyz([z3.x, z3.y, z3.z], [x3.x, x3.y], [y3.x, y3.y], [self.n.x, self.n.y]);
+            let (tx, ty, tz) = (t.column(0), t.column(1), t.column(2));
+            let z = [xf.dot(&tz), y3.dot(&tz), zf.dot(&tz)];
+            [d, e, f] = zyz(z, [xf.dot(&tx), y3.dot(&tx)], [xf.dot(&ty), y3.dot(&ty)], [turn.x, turn.y]);
+        } else {
+            let u = Matrix3::from_columns(&[x3, y3, z3]) * geometry.shoulder_offset;
+            [a, b, c] = zyz([u.m13, u.m23, u.m33], [u.m11, u.m21], [u.m12, u.m22], [self.n.x, self.n.y]);
+            let g = geometry.wrist_offset * Matrix3::from_columns(&[xf, y3, zf]).tr_mul(t);
+            [d, e, f] = zyz([g.m13, g.m23, g.m33], [g.m11, g.m21], [g.m12, g.m22], [turn.x, turn.y]);
+        }
+        [a, b, c, self.elbow, d, e, f]
+    }
+
+    /// All eight branches in branch order, in principal values.
+    #[inline(always)]
+    pub fn all_branches(&self, geometry: &Geometry, u: [f64; 2], out: &mut [[f64; 7]; 8]) {
+        let plus = self.angles(geometry, u, 1.0);
+        if geometry.aligned {
+            // The other elbow turns the links about their own axes.
+            let mut minus = plus;
+            minus[2] = opposite(plus[2]);
+            minus[4] = opposite(plus[4]);
+            fill(geometry, &plus, &minus, out);
+        } else {
+            fill(geometry, &plus, &self.angles(geometry, u, -1.0), out);
+        }
+    }
+
+    /// Axis about which the wrist's product `Rz(d) Ry(e) Rz(f)` turns as the swivel moves, in its own base frame:
+    /// `-n` seen from the forearm; it does not depend on the swivel.
+    #[inline(always)]
+    pub fn wrist_turn(&self, geometry: &Geometry, elbow: f64) -> Vector3<f64> {
+        let x = elbow * (self.sin_upper * self.cos_elbow - self.cos_upper * self.sin_elbow);
+        let z = self.sin_upper * self.sin_elbow + self.cos_upper * self.cos_elbow;
+        if geometry.aligned {
+            Vector3::new(-x, 0.0, -z)
+        } else {
+            -(geometry.wrist_offset * Vector3::new(x, 0.0, z))
+        }
+    }
+
+    /// Rates `d(angles)/ds` for the angles that [`Circle::angles`] returned for this elbow.
+    pub fn rates(&self, geometry: &Geometry, angles: &[f64; 7], elbow: f64) -> [f64; 7] {
+        let [a, b, c] = zyz_rates(&self.n, angles[0], angles[1]);
+        let [d, e, f] = zyz_rates(&self.wrist_turn(geometry, elbow), angles[4], angles[5]);
+        [a, b, c, 0.0, d, e, f]
+    }
+
+    /// One branch, in principal values.
+    pub fn branch(&self, geometry: &Geometry, u: [f64; 2], branch: usize) -> [f64; 7] {
+        let [s2, s4, s6] = signs(branch);
+        let t = self.angles(geometry, u, f64::from(s4));
+        let mut angles = [t[0], t[1], t[2], f64::from(s4) * t[3], t[4], t[5], t[6]];
+        if s2 < 0 {
+            angles = [opposite(t[0]), -t[1], opposite(t[2]), angles[3], angles[4], angles[5], angles[6]];
+        }
+        if s6 < 0 {
+            (angles[4], angles[5], angles[6]) = (opposite(angles[4]), -angles[5], opposite(angles[6]));
+        }
+        let mut q = [0.0; 7];
+        for i in 0..7 {
+            q[i] = principal(geometry.sign[i] * angles[i] + geometry.zero[i]);
+        }
+        q
+    }
+
+    /// `dq/ds` of one branch.
+    pub fn tangent(&self, geometry: &Geometry, u: [f64; 2], branch: usize) -> [f64; 7] {
+        let [s2, s4, s6] = signs(branch).map(f64::from);
+        let angles = self.angles(geometry, u, s4);
+        // The other shoulder and wrist turn their middle joints backwards and the others alike.
+        let mut rates = self.rates(geometry, &angles, s4);
+        rates[1] *= s2;
+        rates[5] *= s6;
+        for i in 0..7 {
+            rates[i] *= geometry.sign[i];
+        }
+        rates
+    }
+}
+
+/// Rates of `Rz(a) Ry(b) Rz(c)` when it turns about `turn` at unit speed:
+/// `turn = a' z + b' y1 + c' e3` with `y1 = (-sin a, cos a, 0)`, `e3 = (cos a sin b, sin a sin b, cos b)`.
+///
+/// At a gimbal through which the swivel passes the limits `a' = c' = turn_z / 2` (for `b = 0`) are returned.
+#[inline(always)]
+fn zyz_rates(turn: &Vector3<f64>, a: f64, b: f64) -> [f64; 3] {
+    let ((sa, ca), (sb, cb)) = (a.sin_cos(), b.sin_cos());
+    let middle = ca * turn.y - sa * turn.x;
+    let along_x = ca * turn.x + sa * turn.y;
+    if sb > GIMBAL_SINE {
+        let third = along_x / sb;
+        return [turn.z - third * cb, middle, third];
+    }
+    if turn.xy().norm() > GIMBAL_SINE {
+        return [0.5 * turn.z, middle, 0.5 * turn.z * cb];
+    }
+    [0.0, middle, turn.z * cb]
+}
+
+/// Writes the eight branches from the angles of elbow + and elbow -.
+#[inline(always)]
+fn fill(geometry: &Geometry, plus: &[f64; 7], minus: &[f64; 7], out: &mut [[f64; 7]; 8]) {
+    let q = |i: usize, angle: f64| principal(geometry.sign[i] * angle + geometry.zero[i]);
+    for (s4, t) in [plus, minus].into_iter().enumerate() {
+        let q4 = q(3, if s4 == 0 { t[3] } else { -t[3] });
+        // Shoulder and wrist halves for both signs of theta2 and theta6.
+        let shoulder = [[q(0, t[0]), q(1, t[1]), q(2, t[2])], [q(0, opposite(t[0])), q(1, -t[1]), q(2, opposite(t[2]))]];
+        let wrist = [[q(4, t[4]), q(5, t[5]), q(6, t[6])], [q(4, opposite(t[4])), q(5, -t[5]), q(6, opposite(t[6]))]];
+        for (s2, [q1, q2, q3]) in shoulder.into_iter().enumerate() {
+            for (s6, [q5, q6, q7]) in wrist.into_iter().enumerate() {
+                out[4 * s2 + 2 * s4 + s6] = [q1, q2, q3, q4, q5, q6, q7];
+            }
+        }
+    }
+}
+
+/// A sum of two angles in `(-pi, pi]`, brought back there.
+#[inline(always)]
+pub(super) fn principal(angle: f64) -> f64 {
+    if angle > PI {
+        angle - 2.0 * PI
+    } else if angle <= -PI {
+        angle + 2.0 * PI
+    } else {
+        angle
+    }
+}
+
+/// The winding of `q` that holds the limits and is nearest to the principal value; clamped by at most the slack.
+/// `None` when no winding holds them.
+#[inline(always)]
+pub(super) fn within(q: f64, lower: f64, upper: f64) -> Option<f64> {
+    if q >= lower && q <= upper {
+        return Some(q);
+    }
+    let turns = if q < lower {
+        ((lower - LIMIT_SLACK - q) / (2.0 * PI)).ceil()
+    } else {
+        ((upper + LIMIT_SLACK - q) / (2.0 * PI)).floor()
+    };
+    let wound = q + 2.0 * PI * turns;
+    (wound >= lower - LIMIT_SLACK && wound <= upper + LIMIT_SLACK).then(|| wound.clamp(lower, upper))
+}
+
+impl SrsArm {
+    /// Recognises the arm, with the paper's chart.
+    ///
+    /// # Errors
+    /// [`Error::NotSrs`]: which axes miss each other and by how many millimetres.
+    pub fn new(chain: &Chain) -> Result<Self> {
+        Self::with_chart(chain, Chart::default())
+    }
+
+    /// Recognises the arm, with a chart of choice.
+    ///
+    /// # Errors
+    /// [`Error::NotSrs`], or a reference direction without length.
+    pub fn with_chart(chain: &Chain, chart: Chart) -> Result<Self> {
+        let geometry = Geometry::recognise(chain)?;
+        let axis1 = geometry.frame.column(2).into();
+        let chart_frame = chart.frame(&axis1, chain.base().rotation.matrix())?;
+        let same = (chart_frame - geometry.frame).amax() == 0.0;
+        let chart_to_frame = (!same).then(|| geometry.frame.tr_mul(&chart_frame));
+        let (mut lower, mut upper) = ([0.0; 7], [0.0; 7]);
+        lower.copy_from_slice(chain.lower());
+        upper.copy_from_slice(chain.upper());
+        let bounds = bounds(&geometry, &lower, &upper, 0.0);
+        let chain = chain.clone();
+        let inner = Inner { chain, chart, geometry, chart_frame, chart_to_frame, lower, upper, bounds };
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// The chain that was recognised.
+    pub fn chain(&self) -> &Chain {
+        &self.inner.chain
+    }
+
+    /// The chart of the swivel.
+    pub fn chart(&self) -> Chart {
+        self.inner.chart
+    }
+
+    /// How far the arm is from an ideal S-R-S arm: what the closed form returns meets the pose within
+    /// `1e-12 + 2 x` this.
+    pub fn defect(&self) -> Defect {
+        self.inner.geometry.defect
+    }
+
+    /// Lengths of upper arm and forearm, m: shoulder and wrist centre to the elbow axis.
+    pub fn lengths(&self) -> [f64; 2] {
+        [self.inner.geometry.upper_arm, self.inner.geometry.forearm]
+    }
+
+    /// Centre of the shoulder in the world, m.
+    pub fn shoulder(&self) -> Vector3<f64> {
+        self.inner.geometry.shoulder
+    }
+
+    /// Centre of the wrist in the tool frame, m.
+    pub fn wrist_in_tool(&self) -> Vector3<f64> {
+        self.inner.geometry.wrist_in_tool
+    }
+
+    /// Configurations over `pose` at a swivel: with `limits` those within the joint limits, in branch order; without,
+    /// always all eight (repeats at a gimbal included). Empty when the pose is out of reach; [`SrsArm::self_motion`]
+    /// says by how much.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite, a swivel that is not finite.
+    pub fn solve(&self, pose: &Pose, swivel: Swivel, limits: bool) -> Result<Vec<[f64; 7]>> {
+        check_pose("pose", pose)?;
+        let u = swivel.direction()?;
+        let (circle, reach) = self.circle(pose);
+        if reach != Reach::Inside {
+            return Ok(Vec::new());
+        }
+        let mut all = [[0.0; 7]; 8];
+        circle.all_branches(&self.inner.geometry, u, &mut all);
+        if !limits {
+            return Ok(all.to_vec());
+        }
+        Ok(all.into_iter().filter_map(|q| self.hold_limits(&q)).collect())
+    }
+
+    /// [`SrsArm::solve`] for checked input, without allocation: writes all eight branches and returns which of them
+    /// are valid, bit `b` for branch `b` (all or none without `limits`). Rows that are not valid are finite.
+    #[inline]
+    pub fn solve_into(&self, pose: &Pose, u: [f64; 2], limits: bool, out: &mut [[f64; 7]; 8]) -> u8 {
+        let (circle, reach) = self.circle(pose);
+        circle.all_branches(&self.inner.geometry, u, out);
+        if reach != Reach::Inside {
+            return 0;
+        }
+        if !limits {
+            return 0xff;
+        }
+        self.mask_limits(out)
+    }
+
+    /// Bit `b` is set when a winding of row `b` holds all limits; that winding is written back.
+    #[inline]
+    fn mask_limits(&self, rows: &mut [[f64; 7]; 8]) -> u8 {
+        let (lower, upper) = (&self.inner.lower, &self.inner.upper);
+        let mut mask = 0;
+        for (branch, row) in rows.iter_mut().enumerate() {
+            let mut inside = true;
+            for i in 0..7 {
+                inside &= row[i] >= lower[i] && row[i] <= upper[i];
+            }
+            if inside {
+                mask |= 1 << branch;
+            } else if let Some(q) = self.hold_limits(row) {
+                *row = q;
+                mask |= 1 << branch;
+            }
+        }
+        mask
+    }
+
+    /// The winding of `q` within the limits, see [`within`].
+    pub(super) fn hold_limits(&self, q: &[f64; 7]) -> Option<[f64; 7]> {
+        let mut out = *q;
+        for i in 0..7 {
+            out[i] = within(q[i], self.inner.lower[i], self.inner.upper[i])?;
+        }
+        Some(out)
+    }
+
+    /// Many poses (`N * 16` numbers, row-major matrices) with one swivel each, or one for all.
+    ///
+    /// Writes `N * 8 * 7` joint values in branch order to `q` and `N * 8` flags to `valid`; rows that are not valid are
+    /// finite but meaningless. Spread over rayon's current pool, the same bits whatever the number of threads.
+    ///
+    /// # Errors
+    /// Wrong lengths, a pose that is not rigid or finite (the message gives its index), a swivel that is not finite.
+    pub fn solve_batch(
+        &self,
+        poses: &[f64],
+        swivels: &[f64],
+        limits: bool,
+        q: &mut [f64],
+        valid: &mut [bool],
+    ) -> Result<()> {
+        let n = poses.len() / 16;
+        let lengths = [
+            ("poses", poses.len(), n * 16),
+            ("swivels", swivels.len(), if swivels.len() == 1 { 1 } else { n }),
+            ("q", q.len(), n * 56),
+            ("valid", valid.len(), n * 8),
+        ];
+        for (what, actual, expected) in lengths {
+            if actual != expected {
+                return Err(Error::Length { what: what.into(), expected, actual });
+            }
+        }
+        let (rows, _) = q.as_chunks_mut::<56>();
+        let (valid, _) = valid.as_chunks_mut::<8>();
+        let (poses, _) = poses.as_chunks::<16>();
+        rows.par_iter_mut().zip(valid.par_iter_mut()).zip(poses.par_iter()).enumerate().with_min_len(64).try_for_each(
+            |(i, ((rows, valid), pose))| {
+                let at = |error: Error| Error::Invalid(format!("pose {i}: {error}"));
+                let pose = pose_from_row_major(pose).map_err(at)?;
+                let swivel = if swivels.len() == 1 { swivels[0] } else { swivels[i] };
+                let u = Swivel::Angle(swivel).direction().map_err(at)?;
+                let (rows, _) = rows.as_chunks_mut::<7>();
+                let mut out = [[0.0; 7]; 8];
+                let mask = self.solve_into(&pose, u, limits, &mut out);
+                for (branch, (row, valid)) in rows.iter_mut().zip(valid.iter_mut()).enumerate() {
+                    *row = out[branch];
+                    *valid = mask & (1 << branch) != 0;
+                }
+                Ok(())
+            },
+        )
+    }
+
+    /// Everything over `pose` that does not depend on the swivel, as an object.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite.
+    pub fn self_motion(&self, pose: &Pose) -> Result<SelfMotion> {
+        check_pose("pose", pose)?;
+        let (circle, reach) = self.circle(pose);
+        Ok(SelfMotion::new(self.clone(), circle, reach))
+    }
+
+    /// The swivel angle of a configuration, rad in `(-pi, pi]`: `w = sgn(sin theta4) n x y3`, `s = atan2(w.w1, w.w0)`,
+    /// well conditioned also for the stretched arm, where [Moore2010, eq. (16)] is 0/0.
+    ///
+    /// # Errors
+    /// Wrong length of `q`, or an entry that is not finite.
+    pub fn swivel(&self, q: &[f64]) -> Result<f64> {
+        self.chain().check_q(q)?;
+        let (circle, _) = self.circle(&self.chain().forward_unchecked(q));
+        let w = circle.n.cross(&self.elbow_axis(q)) * f64::from(self.sign_of(q, 3));
+        Ok(w.dot(&circle.w1).atan2(w.dot(&circle.w0)))
+    }
+
+    /// The angle to add to a swivel of this arm's chart to have that of `other`'s chart; it depends on the pose alone.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite.
+    pub fn chart_change(&self, other: &Self, pose: &Pose) -> Result<f64> {
+        check_pose("pose", pose)?;
+        let (mine, theirs) = (self.circle(pose).0, other.circle(pose).0);
+        let w = other.inner.geometry.frame.tr_mul(&(self.inner.geometry.frame * mine.w0));
+        Ok(w.dot(&theirs.w1).atan2(w.dot(&theirs.w0)))
+    }
+
+    /// Elbow axis in its positive sense at `q`, swivel frame.
+    fn elbow_axis(&self, q: &[f64]) -> Vector3<f64> {
+        let geometry = &self.inner.geometry;
+        let [a, b, c] = [0, 1, 2].map(|i| geometry.sign[i] * (q[i] - geometry.zero[i]));
+        let ((sa, ca), (sb, cb), (sc, cc)) = (a.sin_cos(), b.sin_cos(), c.sin_cos());
+        let zyz = Matrix3::new(
+            ca * cb * cc - sa * sc, -ca * cb * sc - sa * cc, ca * sb,
+            sa * cb * cc + ca * sc, -sa * cb * sc + ca * cc, sa * sb,
+            -sb * cc, sb * sc, cb,
+        );
+        // V = (V C) C^T, and y3 is its second column.
+        zyz * geometry.shoulder_offset.row(1).transpose()
+    }
+
+    /// Signs `[s2, s4, s6]` of a configuration, from the sines of the paper's angles; a zero counts as +.
+    ///
+    /// # Errors
+    /// Wrong length of `q`, or an entry that is not finite.
+    pub fn branch(&self, q: &[f64]) -> Result<[i8; 3]> {
+        self.chain().check_q(q)?;
+        Ok([1, 3, 5].map(|i| self.sign_of(q, i)))
+    }
+
+    /// Sign of the paper's angle `i` (0-based) of a configuration.
+    fn sign_of(&self, q: &[f64], i: usize) -> i8 {
+        let geometry = &self.inner.geometry;
+        if wrapped(geometry.sign[i] * (q[i] - geometry.zero[i])) < 0.0 { -1 } else { 1 }
+    }
+
+    /// What depends only on the pose, and whether it is in reach. The pose must be checked.
+    #[inline]
+    pub(super) fn circle(&self, pose: &Pose) -> (Circle, Reach) {
+        let Inner { geometry, chart_frame, chart_to_frame, .. } = &*self.inner;
+        let rotation = pose.rotation.matrix();
+        let wrist = rotation * geometry.wrist_in_tool + pose.translation.vector;
+        let v = wrist - geometry.shoulder;
+        let squared = v.norm_squared();
+        let d = squared.sqrt();
+        let (l2, l3) = (geometry.upper_arm, geometry.forearm);
+        // In chart axes; an arm folded onto its shoulder has no n, any direction serves.
+        let n = if d > f64::MIN_POSITIVE { chart_frame.tr_mul(&v) / d } else { Vector3::z() };
+        let w0 = zero_direction(&n);
+        let (n, w0) = match chart_to_frame {
+            None => (n, w0),
+            Some(m) => (m * n, m * w0),
+        };
+        let (sum, difference) = (l2 + l3, l2 - l3);
+        let slack = REACH_ROUNDING * sum;
+        let reach = if d > sum + slack {
+            Reach::TooFar(d - sum)
+        } else if d < difference.abs() - slack {
+            Reach::TooNear(difference.abs() - d)
+        } else {
+            Reach::Inside
+        };
+        // (d - |L2 - L3|) (d + |L2 - L3|) and so on: no cancellation of squares.
+        let product =
+            (d - difference.abs()).max(0.0) * (d + difference.abs()) * (sum - d).max(0.0) * (sum + d);
+        let p = product.sqrt();
+        // 2 L2 L3 cos(theta4), the same P for theta4 and for the circle.
+        let c = squared - l2 * l2 - l3 * l3;
+        let elbow = p.atan2(c);
+        let scale = 1.0 / (p * p + c * c).sqrt();
+        let (cos_elbow, sin_elbow) = (c * scale, p * scale);
+        // Upper arm against n: adjacent side L2 + L3 cos(theta4), opposite side L3 sin(theta4).
+        let (adjacent, opposite) = (l2 + l3 * cos_elbow, l3 * sin_elbow);
+        let length = (adjacent * adjacent + opposite * opposite).sqrt();
+        let (cos_upper, sin_upper) =
+            if length > f64::MIN_POSITIVE { (adjacent / length, opposite / length) } else { (0.0, 1.0) };
+        let tool = geometry.frame.tr_mul(rotation) * geometry.tool_offset;
+        let circle = Circle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, elbow, cos_elbow, sin_elbow, tool };
+        (circle, reach)
+    }
+
+    /// What to tell about a pose out of reach.
+    pub(super) fn reach_reason(reach: Reach) -> Option<(Status, String)> {
+        let (distance, how) = match reach {
+            Reach::Inside => return None,
+            Reach::TooFar(distance) => (distance, "far from"),
+            Reach::TooNear(distance) => (distance, "near to"),
+        };
+        Some((Status::Unreachable, format!("the wrist would be {:.6} mm too {how} the shoulder", 1e3 * distance)))
+    }
+}

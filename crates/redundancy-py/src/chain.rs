@@ -1,0 +1,496 @@
+//! `Chain` and `catalog`: the arm and its kinematics.
+
+use std::sync::Mutex;
+
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PySequence, PyTuple, PyType};
+use redundancy_core::chain::{Chain, ChainBuilder, DhConvention, DhRow, Inertia, JointKind, Limits, catalog};
+use redundancy_core::kinematics::Scratch;
+use redundancy_core::nalgebra::{Matrix3, Vector3};
+use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
+
+use crate::batch::in_blocks;
+use crate::convert::{Rows, new_array, pose_to_array, read_pose, read_rows, read_vector, writable};
+use crate::error::to_py;
+
+/// Rows between two looks at Ctrl-C: some milliseconds.
+const BLOCK: usize = 16_384;
+
+/// An arm: joints from base to tip, limits, base and tool. Immutable.
+#[pyclass(name = "Chain", module = "redundancy", frozen, eq)]
+pub struct PyChain {
+    pub chain: Chain,
+    /// Memory for single calls; whoever finds it taken allocates.
+    scratch: Mutex<Scratch>,
+}
+
+impl From<Chain> for PyChain {
+    fn from(chain: Chain) -> Self {
+        let scratch = Mutex::new(Scratch::new(&chain));
+        Self { chain, scratch }
+    }
+}
+
+impl PartialEq for PyChain {
+    fn eq(&self, other: &Self) -> bool {
+        self.chain == other.chain
+    }
+}
+
+impl PyChain {
+    /// Calls `work` with memory for one configuration.
+    fn with_scratch<T>(&self, work: impl FnOnce(&mut Scratch) -> T) -> T {
+        match self.scratch.try_lock() {
+            Ok(mut scratch) => work(&mut scratch),
+            Err(_) => work(&mut Scratch::new(&self.chain)),
+        }
+    }
+
+    /// Calls `one` for a single `q`, `many` for a batch.
+    fn dispatch<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        one: impl FnOnce(&[f64]) -> PyResult<Bound<'py, PyAny>>,
+        many: impl FnOnce(&[f64], usize) -> PyResult<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        // The way of a control loop: one contiguous vector of doubles.
+        if let Ok(vector) = q.extract::<PyReadonlyArray1<'py, f64>>()
+            && let Ok(values) = vector.as_slice()
+            && values.len() == self.chain.dof()
+        {
+            return one(values);
+        }
+        let rows: Rows<'py> = read_rows(q, "q", &[self.chain.dof()])?;
+        match rows.batch {
+            None => one(rows.as_slice()?),
+            Some(n) => many(rows.as_slice()?, n),
+        }
+    }
+}
+
+#[pymethods]
+impl PyChain {
+    /// A chain from Denavit-Hartenberg rows.
+    #[staticmethod]
+    #[pyo3(signature = (rows, convention="standard", base=None, tool=None, names=None, lower=None, upper=None,
+        velocity=None, effort=None, inertia=None, rotor_inertia=None, *, name="arm"))]
+    #[allow(clippy::too_many_arguments)]
+    fn from_dh(
+        rows: &Bound<'_, PyAny>,
+        convention: &str,
+        base: Option<&Bound<'_, PyAny>>,
+        tool: Option<&Bound<'_, PyAny>>,
+        names: Option<Vec<String>>,
+        lower: Option<&Bound<'_, PyAny>>,
+        upper: Option<&Bound<'_, PyAny>>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        effort: Option<&Bound<'_, PyAny>>,
+        inertia: Option<&Bound<'_, PyAny>>,
+        rotor_inertia: Option<&Bound<'_, PyAny>>,
+        name: &str,
+    ) -> PyResult<Self> {
+        let convention = match convention {
+            "standard" => DhConvention::Standard,
+            "modified" => DhConvention::Modified,
+            other => return Err(unknown("convention", other, &["standard", "modified"])),
+        };
+        let table = read_rows(rows, "rows", &[4])?;
+        let rows: Vec<DhRow> = table
+            .as_slice()?
+            .chunks_exact(4)
+            .map(|r| DhRow { a: r[0], d: r[1], alpha: r[2], theta: r[3] })
+            .collect();
+        let mut limits = vec![Limits::NONE; rows.len()];
+        set_limits(&mut limits, lower, upper, velocity, None, effort)?;
+        let mut builder = ChainBuilder::from_dh(name, &rows, convention).limits(&limits);
+        if let Some(names) = names {
+            builder = builder.joint_names(names);
+        }
+        if let Some(base) = base {
+            builder = builder.base(read_pose(base)?);
+        }
+        if let Some(tool) = tool {
+            builder = builder.tool(read_pose(tool)?);
+        }
+        if inertia.is_some() || rotor_inertia.is_some() {
+            let mut bodies = match inertia {
+                Some(list) => read_inertias(list)?,
+                None => vec![Inertia::ZERO; rows.len()],
+            };
+            if let Some(rotors) = rotor_inertia {
+                let rotors = read_vector(rotors, "rotor_inertia", Some(bodies.len()))?;
+                for (body, rotor) in bodies.iter_mut().zip(rotors) {
+                    body.rotor = rotor;
+                }
+            }
+            builder = builder.link_inertias(&bodies);
+        }
+        builder.build().map(Self::from).map_err(to_py)
+    }
+
+    /// The robot's name.
+    #[getter]
+    fn name(&self) -> &str {
+        self.chain.name()
+    }
+
+    /// Number of moving joints.
+    #[getter]
+    fn dof(&self) -> usize {
+        self.chain.dof()
+    }
+
+    /// Names of the joints, base to tip.
+    #[getter]
+    fn joint_names(&self) -> Vec<&str> {
+        self.chain.joints().iter().map(|j| j.name.as_str()).collect()
+    }
+
+    /// Names of the frames, base to tip.
+    #[getter]
+    fn link_names(&self) -> Vec<&str> {
+        self.chain.links().iter().map(|l| l.name.as_str()).collect()
+    }
+
+    /// Lower position limits.
+    #[getter]
+    fn lower<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.chain.lower())
+    }
+
+    /// Upper position limits.
+    #[getter]
+    fn upper<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.chain.upper())
+    }
+
+    /// Velocity limits.
+    #[getter]
+    fn velocity_limit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.chain.joints().iter().map(|j| j.limits.velocity))
+    }
+
+    /// Acceleration limits.
+    #[getter]
+    fn acceleration_limit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.chain.joints().iter().map(|j| j.limits.acceleration))
+    }
+
+    /// Torque or force limits.
+    #[getter]
+    fn effort_limit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.chain.joints().iter().map(|j| j.limits.effort))
+    }
+
+    /// Pose of the first link in the world.
+    #[getter]
+    fn base<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        pose_to_array(py, self.chain.base())
+    }
+
+    /// Pose of the tool in the last link.
+    #[getter]
+    fn tool<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        pose_to_array(py, self.chain.tool())
+    }
+
+    /// The same arm with another tool.
+    fn with_tool(&self, pose: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.chain.with_tool(read_pose(pose)?).map(Self::from).map_err(to_py)
+    }
+
+    /// The same arm mounted elsewhere.
+    fn with_base(&self, pose: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.chain.with_base(read_pose(pose)?).map(Self::from).map_err(to_py)
+    }
+
+    /// The same arm with other limits; what is not given stays.
+    #[pyo3(signature = (lower=None, upper=None, velocity=None, acceleration=None, effort=None))]
+    fn with_limits(
+        &self,
+        lower: Option<&Bound<'_, PyAny>>,
+        upper: Option<&Bound<'_, PyAny>>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        acceleration: Option<&Bound<'_, PyAny>>,
+        effort: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let mut limits: Vec<Limits> = self.chain.joints().iter().map(|j| j.limits).collect();
+        set_limits(&mut limits, lower, upper, velocity, acceleration, effort)?;
+        self.chain.with_limits(&limits).map(Self::from).map_err(to_py)
+    }
+
+    /// Pose of the tool, or of a link, at `q`.
+    #[pyo3(signature = (q, link=None, *, threads=None))]
+    fn forward<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        link: Option<&str>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let chain = &self.chain;
+        let link = link.map(|name| chain.link_index(name)).transpose().map_err(to_py)?;
+        self.dispatch(
+            q,
+            |q| {
+                let pose = match link {
+                    None => chain.forward(q),
+                    Some(link) => chain.forward_link(q, link),
+                };
+                Ok(pose_to_array(py, &pose.map_err(to_py)?)?.into_any())
+            },
+            |q, n| {
+                let poses = new_array(py, [n, 4, 4]);
+                let out = writable(&poses)?;
+                let dof = chain.dof();
+                in_blocks(py, n, BLOCK, threads, |rows| {
+                    let q = &q[rows.start * dof..rows.end * dof];
+                    chain.forward_batch(q, link, &mut out[rows.start * 16..rows.end * 16])
+                })?;
+                Ok(poses.into_any())
+            },
+        )
+    }
+
+    /// Geometric Jacobian at `q`.
+    #[pyo3(signature = (q, *, threads=None))]
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (chain, dof) = (&self.chain, self.chain.dof());
+        self.dispatch(
+            q,
+            |q| {
+                let out = new_array(py, [6, dof]);
+                let memory = writable(&out)?;
+                self.with_scratch(|scratch| {
+                    chain.kinematics(q, scratch).map(|k| k.write_jacobian(memory)).map_err(to_py)
+                })?;
+                Ok(out.into_any())
+            },
+            |q, n| {
+                let jacobians = new_array(py, [n, 6, dof]);
+                let out = writable(&jacobians)?;
+                in_blocks(py, n, BLOCK, threads, |rows| {
+                    let q = &q[rows.start * dof..rows.end * dof];
+                    chain.jacobian_batch(q, &mut out[rows.start * 6 * dof..rows.end * 6 * dof])
+                })?;
+                Ok(jacobians.into_any())
+            },
+        )
+    }
+
+    /// Pose and Jacobian at the cost of one pass.
+    #[pyo3(signature = (q, *, threads=None))]
+    fn kinematics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (chain, dof) = (&self.chain, self.chain.dof());
+        self.dispatch(
+            q,
+            |q| {
+                let jacobian = new_array(py, [6, dof]);
+                let memory = writable(&jacobian)?;
+                let pose = self.with_scratch(|scratch| {
+                    let kinematics = chain.kinematics(q, scratch).map_err(to_py)?;
+                    kinematics.write_jacobian(memory);
+                    pose_to_array(py, kinematics.pose())
+                })?;
+                Ok(PyTuple::new(py, [pose.into_any(), jacobian.into_any()])?.into_any())
+            },
+            |q, n| {
+                let (poses, jacobians) = (new_array(py, [n, 4, 4]), new_array(py, [n, 6, dof]));
+                let (p, j) = (writable(&poses)?, writable(&jacobians)?);
+                in_blocks(py, n, BLOCK, threads, |rows| {
+                    let q = &q[rows.start * dof..rows.end * dof];
+                    let j = &mut j[rows.start * 6 * dof..rows.end * 6 * dof];
+                    chain.kinematics_batch(q, &mut p[rows.start * 16..rows.end * 16], j)
+                })?;
+                Ok(PyTuple::new(py, [poses.into_any(), jacobians.into_any()])?.into_any())
+            },
+        )
+    }
+
+    fn __repr__(&self) -> String {
+        let joints: Vec<String> =
+            self.chain.joints().iter().map(|j| format!("{} {}", j.kind.as_str(), j.name)).collect();
+        let tip = self.chain.links().last().map_or("", |l| l.name.as_str());
+        let base = self.chain.links().first().map_or("", |l| l.name.as_str());
+        format!(
+            "Chain('{}', {} joints from '{base}' to '{tip}': {})",
+            self.name(),
+            self.dof(),
+            joints.join(", ")
+        )
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
+        let make = py.get_type::<Self>().getattr("_from_parts")?;
+        Ok((make, Parts::of(&self.chain)))
+    }
+
+    /// Inverse of pickling; the parts go through the builder and its checks.
+    #[classmethod]
+    #[pyo3(signature = (*parts))]
+    fn _from_parts(_class: &Bound<'_, PyType>, parts: Parts) -> PyResult<Self> {
+        parts.build().map(Self::from).map_err(to_py)
+    }
+}
+
+type JointParts = (String, String, [f64; 16], [f64; 3], [f64; 5]);
+type LinkParts = (String, usize, [f64; 16]);
+type InertiaParts = (f64, [f64; 3], [f64; 9], f64);
+
+/// All that a chain is made of, in types that pickle.
+#[derive(FromPyObject, IntoPyObject)]
+struct Parts(String, Vec<JointParts>, Vec<LinkParts>, Option<Vec<InertiaParts>>, [f64; 16], [f64; 16]);
+
+impl Parts {
+    fn of(chain: &Chain) -> Self {
+        let joints = chain.joints().iter().map(|j| {
+            let Limits { lower, upper, velocity, acceleration, effort } = j.limits;
+            let axis = [j.axis.x, j.axis.y, j.axis.z];
+            let limits = [lower, upper, velocity, acceleration, effort];
+            (j.name.clone(), j.kind.as_str().into(), pose_to_row_major(&j.placement), axis, limits)
+        });
+        let links =
+            chain.links().iter().map(|l| (l.name.clone(), l.joints_before, pose_to_row_major(&l.offset)));
+        let inertias = chain.inertias().map(|list| {
+            let body = |i: &Inertia| {
+                let mut tensor = [0.0; 9];
+                tensor.copy_from_slice(i.tensor.as_slice());
+                (i.mass, i.center_of_mass.into(), tensor, i.rotor)
+            };
+            list.iter().map(body).collect()
+        });
+        let (base, tool) = (pose_to_row_major(chain.base()), pose_to_row_major(chain.tool()));
+        Self(chain.name().into(), joints.collect(), links.collect(), inertias, base, tool)
+    }
+
+    fn build(self) -> redundancy_core::Result<Chain> {
+        let Self(name, joints, links, inertias, base, tool) = self;
+        let mut links = links.into_iter().peekable();
+        let first = links.next().map(|(name, ..)| name).unwrap_or_default();
+        let mut builder = ChainBuilder::new(name, first);
+        for after in 0..=joints.len() {
+            while let Some((name, _, offset)) = links.next_if(|l| l.1 == after) {
+                builder = builder.link(name, pose_from_row_major(&offset)?);
+            }
+            if let Some((name, kind, placement, axis, limits)) = joints.get(after) {
+                let kind = match kind.as_str() {
+                    "revolute" => JointKind::Revolute,
+                    "continuous" => JointKind::Continuous,
+                    "prismatic" => JointKind::Prismatic,
+                    other => return Err(Error::Invalid(format!("unknown joint kind '{other}'"))),
+                };
+                let [lower, upper, velocity, acceleration, effort] = *limits;
+                let limits = Limits { lower, upper, velocity, acceleration, effort };
+                let placement = pose_from_row_major(placement)?;
+                builder = builder.joint(name, kind, placement, Vector3::from(*axis), limits);
+            }
+        }
+        if let Some(list) = inertias {
+            let body = |(mass, center, tensor, rotor): InertiaParts| Inertia {
+                mass,
+                center_of_mass: center.into(),
+                tensor: Matrix3::from_column_slice(&tensor),
+                rotor,
+            };
+            builder = builder.inertias(list.into_iter().map(body).collect());
+        }
+        let pose = |m: &[f64; 16]| -> redundancy_core::Result<Pose> { pose_from_row_major(m) };
+        builder.base(pose(&base)?).tool(pose(&tool)?).build()
+    }
+}
+
+/// The arms that are compiled in.
+#[pyfunction]
+pub fn catalog_load(name: &str) -> PyResult<PyChain> {
+    catalog::load(name).map(PyChain::from).map_err(to_py)
+}
+
+/// Their names, in alphabetical order.
+#[pyfunction]
+pub fn catalog_names() -> Vec<&'static str> {
+    catalog::names().collect()
+}
+
+fn unknown(kind: &'static str, name: &str, valid: &[&str]) -> PyErr {
+    to_py(Error::UnknownName {
+        kind,
+        name: name.into(),
+        valid: valid.iter().map(|v| v.to_string()).collect(),
+    })
+}
+
+/// Overwrites the limits that are given; a single number counts for every joint.
+fn set_limits(
+    limits: &mut [Limits],
+    lower: Option<&Bound<'_, PyAny>>,
+    upper: Option<&Bound<'_, PyAny>>,
+    velocity: Option<&Bound<'_, PyAny>>,
+    acceleration: Option<&Bound<'_, PyAny>>,
+    effort: Option<&Bound<'_, PyAny>>,
+) -> PyResult<()> {
+    let fields: [(&str, Option<&Bound<'_, PyAny>>, fn(&mut Limits) -> &mut f64); 5] = [
+        ("lower", lower, |l| &mut l.lower),
+        ("upper", upper, |l| &mut l.upper),
+        ("velocity", velocity, |l| &mut l.velocity),
+        ("acceleration", acceleration, |l| &mut l.acceleration),
+        ("effort", effort, |l| &mut l.effort),
+    ];
+    for (what, given, field) in fields {
+        let Some(given) = given else { continue };
+        let values = match given.extract::<f64>() {
+            Ok(value) => vec![value; limits.len()],
+            Err(_) => read_vector(given, what, Some(limits.len()))?,
+        };
+        for (limit, value) in limits.iter_mut().zip(values) {
+            *field(limit) = value;
+        }
+    }
+    Ok(())
+}
+
+/// Reads `(mass, centre of mass (3,), inertia tensor (3, 3) or its diagonal (3,))` for every link.
+fn read_inertias(list: &Bound<'_, PyAny>) -> PyResult<Vec<Inertia>> {
+    let shape = |what: String| PyTypeError::new_err(what);
+    let mut bodies = Vec::new();
+    for (i, item) in list.try_iter()?.enumerate() {
+        let item = item?;
+        let parts =
+            item.cast::<PySequence>().ok().filter(|p| p.len().is_ok_and(|n| n == 3)).ok_or_else(|| {
+                shape(format!(
+                    "inertia[{i}] must be (mass, centre of mass (3,), inertia at it (3, 3) or (3,))"
+                ))
+            })?;
+        let center = read_vector(&parts.get_item(1)?, &format!("inertia[{i}]: centre of mass"), Some(3))?;
+        let tensor = read_rows(&parts.get_item(2)?, &format!("inertia[{i}]: tensor"), &[3])?;
+        let t = tensor.as_slice()?;
+        let tensor = match tensor.batch {
+            None => Matrix3::from_diagonal(&Vector3::new(t[0], t[1], t[2])),
+            Some(3) => Matrix3::from_row_slice(t),
+            Some(n) => {
+                return Err(shape(format!(
+                    "inertia[{i}]: tensor has shape ({n}, 3), expected (3, 3) or (3,)"
+                )));
+            }
+        };
+        let mass = parts.get_item(0)?.extract()?;
+        bodies.push(Inertia {
+            mass,
+            center_of_mass: Vector3::from_column_slice(&center),
+            tensor,
+            rotor: 0.0,
+        });
+    }
+    Ok(bodies)
+}

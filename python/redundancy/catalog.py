@@ -1,0 +1,40 @@
+"""Arms that are compiled in, each with the source of its numbers.
+
+| name | arm | joints | limits | inertias |
+|---|---|---|---|---|
+| `dexter` | Scienza Machinale DEXTER | 8R | position | - |
+| `iiwa14` | KUKA LBR iiwa 14 R820 | 7R | position, velocity, torque | yes |
+| `pa10` | Mitsubishi PA10-7C | 7R | position, velocity | - |
+| `panda` | Franka Emika Panda (FER) | 7R | position, velocity, acceleration, torque | yes |
+| `planar3r` | Park's planar arm, 3, 2.5, 2 m | 3R | - | - |
+| `planar4r` | the same with a fourth link of 1.5 m | 4R | - | - |
+| `puma560` | Unimation PUMA 560 | 6R | position, torque | yes, with rotors |
+
+The sources are cited in `docs/chain.md` and in the Rust documentation of `chain::catalog`.
+"""
+
+from redundancy._core import Chain, catalog_load, catalog_names
+
+__all__ = ["load", "names"]
+
+
+def load(name: str) -> Chain:
+    """Load an arm by name.
+
+    Args:
+        name: One of `names()`.
+
+    Raises:
+        RedundancyError: The name is unknown; the message lists the known ones.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.catalog.load("pa10").dof
+        7
+    """
+    return catalog_load(name)
+
+
+def names() -> list[str]:
+    """Names that `load` knows, in alphabetical order."""
+    return catalog_names()

@@ -1,0 +1,338 @@
+//! The closed form and the circle of solutions of spherical-revolute-spherical arms.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use rand::Rng;
+use redundancy_core::chain::{Chain, Limits};
+use redundancy_core::nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use redundancy_core::self_motion::{Chart, SrsArm, Swivel};
+use redundancy_core::{Pose, Status};
+
+use crate::support::{amount, difference, pa10, pose_error, random_pose, random_q, rng, scrambled_srs};
+
+fn pose(p: [f64; 3], wxyz: [f64; 4]) -> Pose {
+    let q = UnitQuaternion::from_quaternion(Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]));
+    Pose::from_parts(Translation3::new(p[0], p[1], p[2]), q.to_rotation_matrix())
+}
+
+fn unlimited() -> [Limits; 7] {
+    [Limits::NONE; 7]
+}
+
+/// Limits around zero in the scrambled arm's own (arbitrary) zeros.
+fn narrow(seed: u64) -> [Limits; 7] {
+    let mut rng = rng(seed);
+    std::array::from_fn(|_| {
+        let centre: f64 = rng.random_range(-2.0..2.0);
+        let half: f64 = rng.random_range(0.8..2.2);
+        Limits { lower: centre - half, upper: centre + half, ..Limits::NONE }
+    })
+}
+
+#[test]
+fn vectors_of_the_ground_truth() {
+    let arm = SrsArm::new(&pa10()).unwrap();
+    let rows = arm.solve(&pose([0.5, 0.1, 1.0], [1.0, 0.0, 1.0, 0.0]), Swivel::Angle(0.0), false).unwrap();
+    let expected =
+        [0.0926320764, 1.1371838489, 3.0050722472, 1.1024751202, 3.1068703321, 1.5440001559, 0.1248233278];
+    for (q, e) in rows[0].iter().zip(expected) {
+        assert!((q - e).abs() < 6e-11, "{q} {e}");
+    }
+    // theta1', theta3', theta5', theta7' in the branches that the signs call for.
+    for (branch, joint, value) in
+        [(4, 0, -3.0489605772), (4, 2, -0.1365204064), (1, 4, -0.0347223215), (1, 6, -3.0167693258)]
+    {
+        assert!((rows[branch][joint] - value).abs() < 6e-11);
+    }
+    let u = Swivel::Direction(0.0, 1.0);
+    let rows = arm.solve(&pose([0.4, -0.3, 0.6], [1.0, 2.0, 3.0, 4.0]), u, false).unwrap();
+    let expected =
+        [0.4917651927, 0.6583102853, -1.7008077837, 1.8775590480, 2.2902954721, 2.1194142464, 0.2319629992];
+    for (q, e) in rows[0].iter().zip(expected) {
+        assert!((q - e).abs() < 6e-11, "{q} {e}");
+    }
+    for (branch, joint, value) in
+        [(4, 0, -2.6498274609), (4, 2, 1.4407848699), (1, 4, -0.8512971815), (1, 6, -2.9096296543)]
+    {
+        assert!((rows[branch][joint] - value).abs() < 6e-11);
+    }
+}
+
+/// The paper's worked example: eqs (18) to (28) are the elbow branch -1 of its own assumption.
+#[test]
+fn worked_example_of_the_paper() {
+    let chain = pa10();
+    let arm = SrsArm::new(&chain).unwrap();
+    let target = pose([0.5, 0.1, 1.0], [1.0, 0.0, 1.0, 0.0]);
+    let rows = arm.solve(&target, Swivel::Angle(0.0), false).unwrap();
+    let printed = [0.0926, 1.1372, -0.1365, -1.1025, -0.0347, 1.5440, 0.1248];
+    assert!(difference(&rows[2], &printed) < 6e-5, "{:?}", rows[2]);
+    assert_eq!(arm.branch(&rows[2]).unwrap(), [1, -1, 1]);
+    assert!(pose_error(&chain.forward(&rows[2]).unwrap(), &target) < 1e-14);
+}
+
+#[test]
+fn every_branch_closes_and_the_maker_is_among_them() {
+    let arms: Vec<Chain> = (0..12)
+        .map(|seed| {
+            let offset = [[0.0, 0.0], [0.05, 0.05], [0.08, -0.03]][seed as usize % 3];
+            scrambled_srs(seed, [0.3, 0.42, 0.38, 0.1], offset, &unlimited())
+        })
+        .chain([pa10()])
+        .collect();
+    let mut rng = rng(1);
+    for chain in &arms {
+        let arm = SrsArm::new(chain).unwrap();
+        assert!(arm.defect().position < 1e-12 && arm.defect().orientation < 1e-12, "{:?}", arm.defect());
+        for _ in 0..amount(1_000, 100_000) {
+            let q = random_q(&mut rng, chain);
+            let target = chain.forward(&q).unwrap();
+            let s = arm.swivel(&q).unwrap();
+            let signs = arm.branch(&q).unwrap();
+            let rows = arm.solve(&target, Swivel::Angle(s), false).unwrap();
+            assert_eq!(rows.len(), 8);
+            for (b, row) in rows.iter().enumerate() {
+                assert!(pose_error(&chain.forward(row).unwrap(), &target) < 1e-12);
+                assert!(row.iter().all(|q| *q > -PI - 1e-15 && *q <= PI));
+                assert_eq!(arm.branch(row).unwrap(), [4, 2, 1].map(|bit| if b & bit == 0 { 1 } else { -1 }));
+                let back = arm.swivel(row).unwrap();
+                assert!(((back - s + PI).rem_euclid(TAU) - PI).abs() < 1e-9, "{back} {s}");
+            }
+            let index = [4, 2, 1].iter().zip(signs).map(|(bit, s)| if s < 0 { bit } else { &0 }).sum::<i32>();
+            assert!(difference(&rows[index as usize], &q) < 1e-7, "{:?} {q:?}", rows[index as usize]);
+        }
+    }
+}
+
+#[test]
+fn intervals_agree_with_brute_force() {
+    const SAMPLES: usize = 1_440;
+    let mut arms = vec![pa10()];
+    for seed in 0..4 {
+        let offset = if seed % 2 == 0 { [0.0, 0.0] } else { [0.06, 0.02] };
+        arms.push(scrambled_srs(seed, [0.3, 0.4, 0.36, 0.12], offset, &narrow(seed)));
+    }
+    let mut rng = rng(2);
+    let mut checked = 0;
+    for chain in &arms {
+        let arm = SrsArm::new(chain).unwrap();
+        for k in 0..amount(40, 1_000) {
+            let target = chain.forward(&random_q(&mut rng, chain)).unwrap();
+            let motion = arm.self_motion(&target).unwrap();
+            let margin = if k % 3 == 0 { 0.05 } else { 0.0 };
+            for branch in motion.branches() {
+                let intervals = branch.intervals(margin).unwrap();
+                for i in 0..SAMPLES {
+                    let s = TAU * (i as f64 + 0.371) / SAMPLES as f64 - PI;
+                    let inside = intervals.iter().any(|[lo, hi]| (s - lo).rem_euclid(TAU) <= hi - lo);
+                    let q = branch.q(s).unwrap();
+                    let holds = q.iter().zip(chain.lower()).zip(chain.upper()).all(|((q, lo), hi)| {
+                        let k = ((lo + margin - q) / TAU).ceil();
+                        q + k * TAU <= hi - margin
+                    });
+                    let edge = intervals.iter().flatten().any(|e| (s - e + PI).rem_euclid(TAU) - PI < 1e-9 && (s - e + PI).rem_euclid(TAU) - PI > -1e-9);
+                    assert!(inside == holds || edge, "{} s = {s}: {intervals:?} {q:?}", chain.name());
+                    checked += usize::from(inside);
+                }
+                // Just inside every edge the limits hold, just outside one of them breaks.
+                for [lo, hi] in intervals.iter().filter(|[lo, hi]| hi - lo < TAU && hi - lo > 4e-9) {
+                    for (s, expected) in [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)] {
+                        let q = branch.q(s).unwrap();
+                        let violation = q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
+                            let k = ((lo + margin - q) / TAU).ceil();
+                            (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
+                        });
+                        let worst = violation.fold(0.0, f64::max);
+                        let near_other = intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
+                        assert!((worst < 1e-11) == expected || near_other, "{s} in {lo} {hi}: {worst:e} {expected}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(checked > 10_000);
+}
+
+#[test]
+fn arcs_of_the_ground_truth() {
+    let arm = SrsArm::new(&pa10()).unwrap();
+    let motion = arm.self_motion(&pose([0.4, -0.3, 0.6], [1.0, 2.0, 3.0, 4.0])).unwrap();
+    let branches = motion.branches();
+    let close = |a: &[[f64; 2]], b: &[[f64; 2]]| {
+        a.len() == b.len() && a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 6e-11)
+    };
+    for b in [0, 1] {
+        let arcs = branches[b].intervals(0.0).unwrap();
+        assert!(close(&arcs, &[[0.3849227538, 4.2929207182]]), "{arcs:?}");
+        let arcs = branches[b + 2].intervals(0.0).unwrap();
+        assert!(close(&arcs, &[[0.3849227538, 2.3327879868], [2.3450554852, 4.2929207182]]), "{arcs:?}");
+    }
+}
+
+#[test]
+fn tangent_is_in_the_kernel_of_the_jacobian() {
+    let mut rng = rng(3);
+    for seed in 0..6 {
+        let offset = if seed % 2 == 0 { [0.0, 0.0] } else { [0.06, 0.02] };
+        let chain = scrambled_srs(seed, [0.3, 0.4, 0.36, 0.12], offset, &unlimited());
+        let arm = SrsArm::new(&chain).unwrap();
+        for _ in 0..amount(100, 1_000) {
+            let motion = arm.self_motion(&chain.forward(&random_q(&mut rng, &chain)).unwrap()).unwrap();
+            let s = rng.random_range(-PI..PI);
+            for branch in motion.branches() {
+                let tangent = branch.tangent(s).unwrap();
+                let q = branch.q(s).unwrap();
+                let norm = tangent.iter().map(|t| t * t).sum::<f64>().sqrt();
+                assert!(norm > 0.1);
+                assert!(chain.tool_velocity(&q, &tangent).unwrap().norm() < 1e-12 * norm.max(1.0));
+                let h = 1e-6;
+                let (before, after) = (branch.q(s - h).unwrap(), branch.q(s + h).unwrap());
+                for i in 0..7 {
+                    let step = (after[i] - before[i] + PI).rem_euclid(TAU) - PI;
+                    assert!((step / (2.0 * h) - tangent[i]).abs() < 1e-4 * norm.powi(3).max(1.0));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn degenerate_poses_close_without_nan() {
+    let chain = pa10();
+    let arm = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(4);
+    let offsets = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3];
+    for _ in 0..amount(2_000, 10_000) {
+        let mut q = random_q(&mut rng, &chain);
+        let e = |rng: &mut rand_chacha::ChaCha8Rng| offsets[rng.random_range(0..7)] * if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+        // Gimbals of shoulder and wrist, stretched elbow; any mix of them.
+        for joint in [1, 3, 5] {
+            if rng.random_bool(0.6) {
+                q[joint] = e(&mut rng);
+            }
+        }
+        if rng.random_bool(0.2) {
+            q[3] = PI - e(&mut rng); // Folded: outside of the PA10's limits, but defined.
+        }
+        if rng.random_bool(0.2) {
+            q[0] = FRAC_PI_2;
+            q[1] = FRAC_PI_2;
+        }
+        let target = chain.forward(&q).unwrap();
+        for swivel in [arm.swivel(&q).unwrap(), rng.random_range(-PI..PI)] {
+            let rows = arm.solve(&target, Swivel::Angle(swivel), false).unwrap();
+            assert_eq!(rows.len(), 8, "{q:?}");
+            for row in &rows {
+                let error = pose_error(&chain.forward(row).unwrap(), &target);
+                assert!(error < 1e-11, "{q:?}: {row:?} {error:e}");
+            }
+        }
+        let motion = arm.self_motion(&target).unwrap();
+        for branch in motion.branches() {
+            let s = rng.random_range(-PI..PI);
+            assert!(branch.tangent(s).unwrap().iter().all(|t| t.is_finite()));
+            for [lo, hi] in branch.intervals(0.0).unwrap() {
+                assert!(lo.is_finite() && hi >= lo && hi - lo <= TAU + 1e-12);
+                for s in [lo, 0.5 * (lo + hi), hi] {
+                    let at = branch.q(s).unwrap();
+                    assert!(pose_error(&chain.forward(&at).unwrap(), &target) < 1e-11);
+                    // Beside a gimbal the last bit of s moves the outer joints by 1e-16 |dq/ds|.
+                    let speed = branch.tangent(s).unwrap().iter().fold(0.0f64, |m, t| m.max(t.abs()));
+                    assert!(chain.within_limits(&at, 1e-9 + 1e-14 * speed), "{at:?}");
+                }
+            }
+        }
+        // Nothing is listed twice.
+        let rows = arm.solve(&target, Swivel::Angle(0.4), true).unwrap();
+        for (i, a) in rows.iter().enumerate() {
+            assert!(rows[..i].iter().all(|b| difference(a, b) > 1e-9), "{rows:?}");
+        }
+    }
+}
+
+#[test]
+fn out_of_reach_says_by_how_much() {
+    let arm = SrsArm::new(&pa10()).unwrap();
+    let far = arm.self_motion(&pose([1.5, 0.0, 0.315], [1.0, 0.0, 0.0, 0.0])).unwrap();
+    assert_eq!(far.status(), Status::Unreachable);
+    let d = (1.5f64.powi(2) + 0.08f64.powi(2)).sqrt() - 0.95;
+    assert!(far.reason().contains(&format!("{:.6} mm too far", 1e3 * d)), "{}", far.reason());
+    assert!(far.branches().is_empty());
+    // L3 - L2 = 0.05: wrist 10 mm from the shoulder is 40 mm too near.
+    let near = arm.self_motion(&pose([0.01, 0.0, 0.315 + 0.08], [1.0, 0.0, 0.0, 0.0])).unwrap();
+    assert!(near.reason().contains("40.000000 mm too near"), "{}", near.reason());
+    assert!(arm.solve(&pose([1.5, 0.0, 0.3], [1.0, 0.0, 0.0, 0.0]), Swivel::Angle(0.0), false).unwrap().is_empty());
+}
+
+#[test]
+fn charts_agree_up_to_a_turn_and_are_singular_where_they_say() {
+    let chain = pa10();
+    let paper = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(5);
+    for _ in 0..200 {
+        let reference = *crate::support::unit(&mut rng);
+        let shortest = SrsArm::with_chart(&chain, Chart::ShortestArc(Some(reference * 3.0))).unwrap();
+        let stereographic = SrsArm::with_chart(&chain, Chart::Stereographic(Some(-reference))).unwrap();
+        let q = random_q(&mut rng, &chain);
+        let (a, b) = (shortest.swivel(&q).unwrap(), stereographic.swivel(&q).unwrap());
+        assert!(difference(&[a], &[b]) < 1e-12, "the same family");
+        // Elias & Wen: k_x = ((n - t) x r) x n with t the singular half-line; n from the definition.
+        let target = chain.forward(&q).unwrap();
+        let wrist = target * redundancy_core::nalgebra::Point3::from(paper.wrist_in_tool());
+        let n = (wrist.coords - paper.shoulder()).normalize();
+        let t = -reference;
+        let base_x = (Vector3::x() - t * t.x).normalize();
+        let kx = (n - t).cross(&base_x).cross(&n);
+        let mut scratch = redundancy_core::kinematics::Scratch::new(&chain);
+        let elbow = chain.kinematics(&q, &mut scratch).unwrap().origins()[3] - paper.shoulder();
+        let w = elbow - n * n.dot(&elbow);
+        let s = w.dot(&n.cross(&kx)).atan2(w.dot(&kx));
+        assert!(difference(&[s], &[b]) < 1e-9, "{s} {b}");
+        // The change between charts depends on the pose only.
+        let motion = paper.self_motion(&target).unwrap();
+        let change = paper.chart_change(&shortest, &target).unwrap();
+        for branch in motion.branches() {
+            let s = rng.random_range(-PI..PI);
+            let other = shortest.swivel(&branch.q(s).unwrap()).unwrap();
+            assert!(difference(&[s + change], &[other]) < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn panda_and_planar_arms_are_refused_with_the_reason() {
+    let panda = redundancy_core::chain::catalog::load("panda").unwrap();
+    let text = SrsArm::new(&panda).unwrap_err().to_string();
+    assert!(text.contains("axes 6 and 7 miss each other by 88.000 mm"), "{text}");
+    let six = redundancy_core::chain::catalog::load("puma560").unwrap();
+    assert!(SrsArm::new(&six).unwrap_err().to_string().contains("has 6 joints"));
+}
+
+#[test]
+fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
+    let chain = pa10();
+    let arm = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(6);
+    let n = 1_000;
+    let mut poses = Vec::new();
+    let mut swivels = Vec::new();
+    for i in 0..n {
+        let p = if i % 50 == 0 { random_pose(&mut rng, 3.0) } else { chain.forward(&random_q(&mut rng, &chain)).unwrap() };
+        poses.extend(redundancy_core::pose_to_row_major(&p));
+        swivels.push(rng.random_range(-PI..PI));
+    }
+    let run = |threads: usize| {
+        let (mut q, mut valid) = (vec![0.0; n * 56], vec![false; n * 8]);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| arm.solve_batch(&poses, &swivels, true, &mut q, &mut valid)).unwrap();
+        (q, valid)
+    };
+    let (q, valid) = run(1);
+    assert_eq!((q.clone(), valid.clone()), run(3));
+    for i in 0..n {
+        let target = redundancy_core::pose_from_row_major(&poses[16 * i..16 * i + 16]).unwrap();
+        let rows = arm.solve(&target, Swivel::Angle(swivels[i]), true).unwrap();
+        let batch: Vec<&[f64]> = (0..8).filter(|b| valid[8 * i + b]).map(|b| &q[56 * i + 7 * b..56 * i + 7 * b + 7]).collect();
+        assert_eq!(rows.iter().map(|r| &r[..]).collect::<Vec<_>>(), batch);
+    }
+}
