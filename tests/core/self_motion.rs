@@ -130,21 +130,30 @@ fn intervals_agree_with_brute_force() {
                         let k = ((lo + margin - q) / TAU).ceil();
                         q + k * TAU <= hi - margin
                     });
-                    let edge = intervals.iter().flatten().any(|e| (s - e + PI).rem_euclid(TAU) - PI < 1e-9 && (s - e + PI).rem_euclid(TAU) - PI > -1e-9);
+                    let edge = intervals.iter().flatten().any(|e| {
+                        (s - e + PI).rem_euclid(TAU) - PI < 1e-9 && (s - e + PI).rem_euclid(TAU) - PI > -1e-9
+                    });
                     assert!(inside == holds || edge, "{} s = {s}: {intervals:?} {q:?}", chain.name());
                     checked += usize::from(inside);
                 }
                 // Just inside every edge the limits hold, just outside one of them breaks.
                 for [lo, hi] in intervals.iter().filter(|[lo, hi]| hi - lo < TAU && hi - lo > 4e-9) {
-                    for (s, expected) in [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)] {
+                    for (s, expected) in
+                        [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)]
+                    {
                         let q = branch.q(s).unwrap();
-                        let violation = q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
-                            let k = ((lo + margin - q) / TAU).ceil();
-                            (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
-                        });
+                        let violation =
+                            q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
+                                let k = ((lo + margin - q) / TAU).ceil();
+                                (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
+                            });
                         let worst = violation.fold(0.0, f64::max);
-                        let near_other = intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
-                        assert!((worst < 1e-11) == expected || near_other, "{s} in {lo} {hi}: {worst:e} {expected}");
+                        let near_other =
+                            intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
+                        assert!(
+                            (worst < 1e-11) == expected || near_other,
+                            "{s} in {lo} {hi}: {worst:e} {expected}"
+                        );
                     }
                 }
             }
@@ -204,7 +213,9 @@ fn degenerate_poses_close_without_nan() {
     let offsets = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3];
     for _ in 0..amount(2_000, 10_000) {
         let mut q = random_q(&mut rng, &chain);
-        let e = |rng: &mut rand_chacha::ChaCha8Rng| offsets[rng.random_range(0..7)] * if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+        let e = |rng: &mut rand_chacha::ChaCha8Rng| {
+            offsets[rng.random_range(0..7)] * if rng.random_bool(0.5) { 1.0 } else { -1.0 }
+        };
         // Gimbals of shoulder and wrist, stretched elbow; any mix of them.
         for joint in [1, 3, 5] {
             if rng.random_bool(0.6) {
@@ -261,7 +272,11 @@ fn out_of_reach_says_by_how_much() {
     // L3 - L2 = 0.05: wrist 10 mm from the shoulder is 40 mm too near.
     let near = arm.self_motion(&pose([0.01, 0.0, 0.315 + 0.08], [1.0, 0.0, 0.0, 0.0])).unwrap();
     assert!(near.reason().contains("40.000000 mm too near"), "{}", near.reason());
-    assert!(arm.solve(&pose([1.5, 0.0, 0.3], [1.0, 0.0, 0.0, 0.0]), Swivel::Angle(0.0), false).unwrap().is_empty());
+    assert!(
+        arm.solve(&pose([1.5, 0.0, 0.3], [1.0, 0.0, 0.0, 0.0]), Swivel::Angle(0.0), false)
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
@@ -317,7 +332,11 @@ fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
     let mut poses = Vec::new();
     let mut swivels = Vec::new();
     for i in 0..n {
-        let p = if i % 50 == 0 { random_pose(&mut rng, 3.0) } else { chain.forward(&random_q(&mut rng, &chain)).unwrap() };
+        let p = if i % 50 == 0 {
+            random_pose(&mut rng, 3.0)
+        } else {
+            chain.forward(&random_q(&mut rng, &chain)).unwrap()
+        };
         poses.extend(redundancy_core::pose_to_row_major(&p));
         swivels.push(rng.random_range(-PI..PI));
     }
@@ -332,7 +351,8 @@ fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
     for i in 0..n {
         let target = redundancy_core::pose_from_row_major(&poses[16 * i..16 * i + 16]).unwrap();
         let rows = arm.solve(&target, Swivel::Angle(swivels[i]), true).unwrap();
-        let batch: Vec<&[f64]> = (0..8).filter(|b| valid[8 * i + b]).map(|b| &q[56 * i + 7 * b..56 * i + 7 * b + 7]).collect();
+        let batch: Vec<&[f64]> =
+            (0..8).filter(|b| valid[8 * i + b]).map(|b| &q[56 * i + 7 * b..56 * i + 7 * b + 7]).collect();
         assert_eq!(rows.iter().map(|r| &r[..]).collect::<Vec<_>>(), batch);
     }
 }

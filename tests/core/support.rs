@@ -2,9 +2,9 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use redundancy_core::Pose;
 use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits};
 use redundancy_core::nalgebra::{Rotation3, Translation3, Unit, Vector3};
-use redundancy_core::Pose;
 
 pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)

@@ -19,6 +19,7 @@
 
 pub mod chain;
 pub mod kinematics;
+pub mod path;
 pub mod rotation;
 pub mod self_motion;
 pub mod tolerance;

@@ -53,7 +53,9 @@ impl SelfMotion {
     /// Why there is no configuration within the limits, with the number; empty when there is one.
     pub fn reason(&self) -> String {
         match self.status() {
-            Status::Unreachable => SrsArm::reach_reason(self.reach).map_or_else(String::new, |(_, text)| text),
+            Status::Unreachable => {
+                SrsArm::reach_reason(self.reach).map_or_else(String::new, |(_, text)| text)
+            }
             Status::Limits => self.limits_reason(),
             _ => String::new(),
         }
@@ -71,7 +73,11 @@ impl SelfMotion {
     /// An index above 7, or a pose out of reach.
     pub fn branch(&self, index: usize) -> Result<Branch<'_>> {
         if index > 7 {
-            return Err(Error::OutOfRange { what: "branch index".into(), value: index as f64, bound: "<= 7".into() });
+            return Err(Error::OutOfRange {
+                what: "branch index".into(),
+                value: index as f64,
+                bound: "<= 7".into(),
+            });
         }
         match SrsArm::reach_reason(self.reach) {
             Some((_, reason)) => Err(Error::Invalid(format!("no branch over this pose: {reason}"))),
@@ -197,7 +203,11 @@ impl Branch<'_> {
     /// A margin that is negative or not finite.
     pub fn intervals(&self, margin: f64) -> Result<Vec<[f64; 2]>> {
         if !margin.is_finite() || margin < 0.0 {
-            return Err(Error::OutOfRange { what: "margin".into(), value: margin, bound: ">= 0 and finite".into() });
+            return Err(Error::OutOfRange {
+                what: "margin".into(),
+                value: margin,
+                bound: ">= 0 and finite".into(),
+            });
         }
         if margin == 0.0 {
             return Ok(self.motion.arcs().of(self.index));

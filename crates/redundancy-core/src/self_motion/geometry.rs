@@ -109,7 +109,9 @@ impl Geometry {
         for (what, radius) in [("shoulder", upper_arm), ("wrist", forearm)] {
             if radius < SRS_ELBOW_RADIUS {
                 let mm = 1e3 * radius;
-                return not_srs(format!("the {what} lies on the elbow axis (axis 4), {mm:.6} mm away from it"));
+                return not_srs(format!(
+                    "the {what} lies on the elbow axis (axis 4), {mm:.6} mm away from it"
+                ));
             }
         }
 

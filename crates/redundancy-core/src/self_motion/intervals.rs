@@ -224,7 +224,8 @@ impl Arcs {
         let geometry = &arm.inner.geometry;
         let none = Self { cuts: Vec::new(), arcs: vec![0], points: Vec::new(), breaks: Vec::new() };
         // The elbow does not depend on the swivel.
-        let elbows = [1.0, -1.0].map(|sign| bounds[3].allows(circle.cos_elbow, sign * circle.sin_elbow, LIMIT_SLACK));
+        let elbows =
+            [1.0, -1.0].map(|sign| bounds[3].allows(circle.cos_elbow, sign * circle.sin_elbow, LIMIT_SLACK));
         if elbows == [false, false] || bounds.contains(&Bound::Empty) {
             return none;
         }
@@ -257,7 +258,12 @@ impl Arcs {
                 let b = wrist.allowed(&bounds[4..], cos, sin, slack);
                 for (i, s2) in [0, 1].into_iter().enumerate() {
                     for (j, s6) in [0, 1].into_iter().enumerate() {
-                        let ok = a.first[s2] && a.middle[s2] && a.third[s2] && b.first[s6] && b.middle[s6] && b.third[s6];
+                        let ok = a.first[s2]
+                            && a.middle[s2]
+                            && a.third[s2]
+                            && b.first[s6]
+                            && b.middle[s6]
+                            && b.third[s6];
                         mask |= u8::from(ok) << (4 * i + 2 * e + j);
                     }
                 }
@@ -277,10 +283,8 @@ impl Arcs {
                 if beside | everywhere == 0xff { beside } else { beside | mask(cuts[i], LIMIT_SLACK) }
             })
             .collect();
-        let breaks = cuts
-            .iter()
-            .map(|s| if jumps.iter().flatten().any(|j| j == s) { 0xff } else { 0 })
-            .collect();
+        let breaks =
+            cuts.iter().map(|s| if jumps.iter().flatten().any(|j| j == s) { 0xff } else { 0 }).collect();
         Self { cuts, arcs, points, breaks }
     }
 
@@ -338,7 +342,11 @@ fn sphericals(geometry: &Geometry, circle: &Circle, elbow: f64) -> [Spherical; 2
         let along_n = v.x * elbow * circle.sin_upper + v.z * circle.cos_upper;
         let along_w = v.z * circle.sin_upper - v.x * elbow * circle.cos_upper;
         let across = v.y * elbow;
-        [circle.n * along_n, circle.w0 * along_w - circle.w1 * across, circle.w1 * along_w + circle.w0 * across]
+        [
+            circle.n * along_n,
+            circle.w0 * along_w - circle.w1 * across,
+            circle.w1 * along_w + circle.w0 * across,
+        ]
     };
     let component = |parts: &[Vector3<f64>; 3], i: usize| Sinusoid([parts[0][i], parts[1][i], parts[2][i]]);
     let c = &geometry.shoulder_offset;

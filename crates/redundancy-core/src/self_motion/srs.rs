@@ -57,7 +57,8 @@ impl Swivel {
                 crate::error::check_finite("swivel", &[x, y])?;
                 let norm = x.hypot(y);
                 if norm < crate::tolerance::DIRECTION_NORM {
-                    let (what, minimum) = ("swivel (cos s, sin s)".to_string(), crate::tolerance::DIRECTION_NORM);
+                    let (what, minimum) =
+                        ("swivel (cos s, sin s)".to_string(), crate::tolerance::DIRECTION_NORM);
                     return Err(Error::ZeroDirection { what, norm, minimum });
                 }
                 Ok([x / norm, y / norm])
@@ -282,8 +283,10 @@ fn fill(geometry: &Geometry, plus: &[f64; 7], minus: &[f64; 7], out: &mut [[f64;
     for (s4, t) in [plus, minus].into_iter().enumerate() {
         let q4 = q(3, if s4 == 0 { t[3] } else { -t[3] });
         // Shoulder and wrist halves for both signs of theta2 and theta6.
-        let shoulder = [[q(0, t[0]), q(1, t[1]), q(2, t[2])], [q(0, opposite(t[0])), q(1, -t[1]), q(2, opposite(t[2]))]];
-        let wrist = [[q(4, t[4]), q(5, t[5]), q(6, t[6])], [q(4, opposite(t[4])), q(5, -t[5]), q(6, opposite(t[6]))]];
+        let shoulder =
+            [[q(0, t[0]), q(1, t[1]), q(2, t[2])], [q(0, opposite(t[0])), q(1, -t[1]), q(2, opposite(t[2]))]];
+        let wrist =
+            [[q(4, t[4]), q(5, t[5]), q(6, t[6])], [q(4, opposite(t[4])), q(5, -t[5]), q(6, opposite(t[6]))]];
         for (s2, [q1, q2, q3]) in shoulder.into_iter().enumerate() {
             for (s6, [q5, q6, q7]) in wrist.into_iter().enumerate() {
                 out[4 * s2 + 2 * s4 + s6] = [q1, q2, q3, q4, q5, q6, q7];
@@ -474,8 +477,12 @@ impl SrsArm {
         let (rows, _) = q.as_chunks_mut::<56>();
         let (valid, _) = valid.as_chunks_mut::<8>();
         let (poses, _) = poses.as_chunks::<16>();
-        rows.par_iter_mut().zip(valid.par_iter_mut()).zip(poses.par_iter()).enumerate().with_min_len(64).try_for_each(
-            |(i, ((rows, valid), pose))| {
+        rows.par_iter_mut()
+            .zip(valid.par_iter_mut())
+            .zip(poses.par_iter())
+            .enumerate()
+            .with_min_len(64)
+            .try_for_each(|(i, ((rows, valid), pose))| {
                 let at = |error: Error| Error::Invalid(format!("pose {i}: {error}"));
                 let pose = pose_from_row_major(pose).map_err(at)?;
                 let swivel = if swivels.len() == 1 { swivels[0] } else { swivels[i] };
@@ -488,8 +495,7 @@ impl SrsArm {
                     *valid = mask & (1 << branch) != 0;
                 }
                 Ok(())
-            },
-        )
+            })
     }
 
     /// Everything over `pose` that does not depend on the swivel, as an object.
@@ -531,9 +537,15 @@ impl SrsArm {
         let [a, b, c] = [0, 1, 2].map(|i| geometry.sign[i] * (q[i] - geometry.zero[i]));
         let ((sa, ca), (sb, cb), (sc, cc)) = (a.sin_cos(), b.sin_cos(), c.sin_cos());
         let zyz = Matrix3::new(
-            ca * cb * cc - sa * sc, -ca * cb * sc - sa * cc, ca * sb,
-            sa * cb * cc + ca * sc, -sa * cb * sc + ca * cc, sa * sb,
-            -sb * cc, sb * sc, cb,
+            ca * cb * cc - sa * sc,
+            -ca * cb * sc - sa * cc,
+            ca * sb,
+            sa * cb * cc + ca * sc,
+            -sa * cb * sc + ca * cc,
+            sa * sb,
+            -sb * cc,
+            sb * sc,
+            cb,
         );
         // V = (V C) C^T, and y3 is its second column.
         zyz * geometry.shoulder_offset.row(1).transpose()
@@ -595,7 +607,8 @@ impl SrsArm {
         let (cos_upper, sin_upper) =
             if length > f64::MIN_POSITIVE { (adjacent / length, opposite / length) } else { (0.0, 1.0) };
         let tool = geometry.frame.tr_mul(rotation) * geometry.tool_offset;
-        let circle = Circle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, elbow, cos_elbow, sin_elbow, tool };
+        let circle =
+            Circle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, elbow, cos_elbow, sin_elbow, tool };
         (circle, reach)
     }
 
@@ -606,6 +619,9 @@ impl SrsArm {
             Reach::TooFar(distance) => (distance, "far from"),
             Reach::TooNear(distance) => (distance, "near to"),
         };
-        Some((Status::Unreachable, format!("the wrist would be {:.6} mm too {how} the shoulder", 1e3 * distance)))
+        Some((
+            Status::Unreachable,
+            format!("the wrist would be {:.6} mm too {how} the shoulder", 1e3 * distance),
+        ))
     }
 }
