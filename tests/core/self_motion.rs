@@ -356,3 +356,90 @@ fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
         assert_eq!(rows.iter().map(|r| &r[..]).collect::<Vec<_>>(), batch);
     }
 }
+
+#[test]
+fn best_and_nearest_are_never_worse_than_a_scan() {
+    use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
+    use std::sync::Arc;
+    let samples = amount(1_000, 10_000);
+    let mut arms = vec![pa10(), redundancy_core::chain::catalog::load("iiwa14").unwrap()];
+    for seed in 0..4 {
+        let offset = if seed % 2 == 0 { [0.0, 0.0] } else { [0.06, 0.02] };
+        arms.push(scrambled_srs(seed, [0.3, 0.4, 0.36, 0.12], offset, &narrow(seed)));
+    }
+    let mut rng = rng(7);
+    for chain in &arms {
+        let arm = SrsArm::new(chain).unwrap();
+        let range = JointRange::new(chain);
+        for k in 0..amount(30, 1_000) {
+            let target = chain.forward(&random_q(&mut rng, chain)).unwrap();
+            let motion = arm.self_motion(&target).unwrap();
+            let wish: Vec<f64> = (0..7).map(|_| rng.random_range(-4.0..4.0)).collect();
+            let posture = Posture::new(&wish).unwrap();
+            // The same sum with and without the form that the bounds use.
+            let sum = Weighted::sum(Arc::new(range.clone()), Arc::new(posture.clone())).unwrap();
+            let opposite = Weighted::multiple(-1.0, Arc::new(range.clone())).unwrap();
+            let criteria: [&dyn Criterion; 4] = [&range, &posture, &sum, &opposite];
+            for criterion in criteria {
+                let best = motion.best(criterion).unwrap().unwrap();
+                assert!(chain.within_limits(&best.q, 0.0));
+                assert!(pose_error(&chain.forward(&best.q).unwrap(), &target) < 1e-11);
+                let sign = criterion.sense().sign();
+                assert_eq!(best.value, criterion.value(&best.q));
+                for branch in motion.branches() {
+                    for [lo, hi] in branch.intervals(0.0).unwrap() {
+                        for i in 0..=samples / 8 {
+                            let s = lo + (hi - lo) * i as f64 / (samples / 8) as f64;
+                            let q = branch.q(s).unwrap();
+                            if !chain.within_limits(&q, 0.0) {
+                                continue;
+                            }
+                            let better = sign * (best.value - criterion.value(&q));
+                            assert!(
+                                better < 1e-9,
+                                "{} {k}: {better:e} at {s} of {:?}",
+                                chain.name(),
+                                branch.signs()
+                            );
+                        }
+                    }
+                }
+            }
+            let near = motion.nearest(&wish).unwrap().unwrap();
+            let distance = |q: &[f64]| q.iter().zip(&wish).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            assert!((near.value - distance(&near.q)).abs() < 1e-12);
+            for branch in motion.branches() {
+                for i in 0..samples {
+                    let q = branch.q(TAU * i as f64 / samples as f64).unwrap();
+                    // Every winding within the limits, joint by joint.
+                    let mut sum = 0.0;
+                    for j in 0..7 {
+                        let windings = (-3..=3).map(|k| q[j] + TAU * f64::from(k));
+                        let allowed = windings.filter(|q| *q >= chain.lower()[j] && *q <= chain.upper()[j]);
+                        sum += allowed.map(|q| (q - wish[j]).powi(2)).fold(f64::INFINITY, f64::min);
+                    }
+                    assert!(
+                        near.value <= sum.sqrt() + 1e-9,
+                        "{} {} {}",
+                        chain.name(),
+                        near.value,
+                        sum.sqrt()
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_maker_is_its_own_nearest() {
+    let chain = pa10();
+    let arm = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(8);
+    for _ in 0..amount(300, 3_000) {
+        let q: Vec<f64> =
+            chain.lower().iter().zip(chain.upper()).map(|(lo, hi)| rng.random_range(*lo..*hi)).collect();
+        let near = arm.self_motion(&chain.forward(&q).unwrap()).unwrap().nearest(&q).unwrap().unwrap();
+        assert!(near.value < 1e-7, "{q:?} {near:?}");
+    }
+}

@@ -18,6 +18,7 @@
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 
 pub mod chain;
+pub mod criterion;
 pub mod kinematics;
 pub mod path;
 pub mod rotation;

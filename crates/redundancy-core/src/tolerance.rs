@@ -66,3 +66,23 @@ pub const CORNER_FIT: f64 = 1e-8;
 /// Shortest time (s) from one trajectory row to the next where the joint speeds ask for less: rows in which nothing
 /// moves still follow each other in time. A thousandth of the cycle of the fastest controllers.
 pub const SHORTEST_STEP: f64 = 1e-6;
+
+/// Amplitude below which a sinusoid of entries of rotation matrices (order 1) is a constant.
+pub const SINUSOID_FLAT: f64 = 1e-14;
+
+/// Relative negative discriminant of a tangent point that rounding explains.
+pub const SINUSOID_TANGENT: f64 = 1e-14;
+
+/// `1 - |cos|` of the middle angle of a spherical joint below which a passage through its gimbal is looked for.
+pub const GIMBAL_NEAR: f64 = 1e-9;
+
+/// Sine of the middle angle at its extremum that counts as a passage through the gimbal: the outer joints would
+/// turn by pi within a swivel of this size.
+pub const GIMBAL_PASSAGE: f64 = 1e-12;
+
+/// What may be left between the best value found over a circle of solutions and its proven lower bound, relative to
+/// `1 + |value|`; the point itself is polished further.
+pub const OPTIMUM_GAP: f64 = 1e-10;
+
+/// A step of a monotone joint against its direction up to this size (rad) is rounding.
+pub const UNWIND_ROUNDING: f64 = 1e-6;

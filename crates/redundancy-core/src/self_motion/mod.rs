@@ -8,9 +8,12 @@ mod chart;
 mod circle;
 mod geometry;
 mod intervals;
+mod optimum;
+mod spherical;
 mod srs;
 
 pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
 pub use geometry::Defect;
+pub use optimum::Choice;
 pub use srs::{SrsArm, Swivel};

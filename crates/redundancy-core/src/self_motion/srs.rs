@@ -23,6 +23,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use wide::f64x4;
 
 use super::chart::{Chart, zero_direction};
 use super::circle::SelfMotion;
@@ -117,9 +118,9 @@ pub(super) struct Circle {
     pub cos_upper: f64,
     /// See `cos_upper`.
     pub sin_upper: f64,
-    /// Elbow angle of the paper, in `[0, pi]`, with its cosine and sine.
-    pub elbow: f64,
+    /// Cosine and sine of theta4 of the branches with s4 = +.
     pub cos_elbow: f64,
+    /// See `cos_elbow`.
     pub sin_elbow: f64,
     /// Tool rotation as the wrist sees it, swivel frame: its third column is the last axis.
     pub tool: Matrix3<f64>,
@@ -133,16 +134,26 @@ pub(super) enum Reach {
     TooNear(f64),
 }
 
-/// First, middle (in `[0, pi]`) and third angle of `Rz(a) Ry(b) Rz(c)`.
+/// Sines and cosines (times a positive number) of the angles of `Rz(a) Ry(b) Rz(c)`, b in `[0, pi]`.
 ///
 /// Arguments: the third column `z`, the rows 1, 2 of the first two columns, and the axis about which the product turns
 /// as the swivel moves. The third angle follows from the first through `Rz(-a) R`, whose second row is
 /// `(sin c, cos c, 0)`.
 #[inline(always)]
-fn zyz(z: [f64; 3], x: [f64; 2], y: [f64; 2], turn: [f64; 2]) -> [f64; 3] {
+fn zyz(z: [f64; 3], x: [f64; 2], y: [f64; 2], turn: [f64; 2]) -> [[f64; 2]; 3] {
     let h = (z[0] * z[0] + z[1] * z[1]).sqrt();
     let (ca, sa) = if h > GIMBAL_SINE { (z[0] / h, z[1] / h) } else { first_at_gimbal(turn) };
-    [sa.atan2(ca), h.atan2(z[2]), (ca * x[1] - sa * x[0]).atan2(ca * y[1] - sa * y[0])]
+    [[sa, ca], [h, z[2]], [ca * x[1] - sa * x[0], ca * y[1] - sa * y[0]]]
+}
+
+/// Arc tangents of seven pairs `[y, x]`, four at a time: a third of the cost of seven library calls, within 1 ulp.
+#[inline(always)]
+fn arc_tangents(p: [[f64; 2]; 7]) -> [f64; 7] {
+    let y = [f64x4::new([p[0][0], p[1][0], p[2][0], p[3][0]]), f64x4::new([p[4][0], p[5][0], p[6][0], 0.0])];
+    let x = [f64x4::new([p[0][1], p[1][1], p[2][1], p[3][1]]), f64x4::new([p[4][1], p[5][1], p[6][1], 1.0])];
+    let [a, b, c, d] = y[0].atan2(x[0]).to_array();
+    let [e, f, g, _] = y[1].atan2(x[1]).to_array();
+    [a, b, c, d, e, f, g]
 }
 
 /// Cosine and sine of the first angle where only its sum with the third is defined: the limit on the way of the
@@ -186,7 +197,7 @@ impl Circle {
             let g = geometry.wrist_offset * Matrix3::from_columns(&[xf, y3, zf]).tr_mul(t);
             [d, e, f] = zyz([g.m13, g.m23, g.m33], [g.m11, g.m21], [g.m12, g.m22], [turn.x, turn.y]);
         }
-        [a, b, c, self.elbow, d, e, f]
+        arc_tangents([a, b, c, [self.sin_elbow, self.cos_elbow], d, e, f])
     }
 
     /// All eight branches in branch order, in principal values.
@@ -226,20 +237,27 @@ impl Circle {
 
     /// One branch, in principal values.
     pub fn branch(&self, geometry: &Geometry, u: [f64; 2], branch: usize) -> [f64; 7] {
+        let elbow = if geometry.aligned { 1.0 } else { f64::from(signs(branch)[1]) };
+        Self::branch_of(geometry, &self.angles(geometry, u, elbow), branch)
+    }
+
+    /// One branch in principal values, from the [`Circle::angles`] of elbow + (aligned arms) or of its own elbow.
+    pub fn branch_of(geometry: &Geometry, t: &[f64; 7], branch: usize) -> [f64; 7] {
         let [s2, s4, s6] = signs(branch);
-        let t = self.angles(geometry, u, f64::from(s4));
-        let mut angles = [t[0], t[1], t[2], f64::from(s4) * t[3], t[4], t[5], t[6]];
+        let mut angles = *t;
+        if s4 < 0 {
+            angles[3] = -t[3];
+            if geometry.aligned {
+                (angles[2], angles[4]) = (opposite(angles[2]), opposite(angles[4]));
+            }
+        }
         if s2 < 0 {
-            angles = [opposite(t[0]), -t[1], opposite(t[2]), angles[3], angles[4], angles[5], angles[6]];
+            (angles[0], angles[1], angles[2]) = (opposite(angles[0]), -angles[1], opposite(angles[2]));
         }
         if s6 < 0 {
             (angles[4], angles[5], angles[6]) = (opposite(angles[4]), -angles[5], opposite(angles[6]));
         }
-        let mut q = [0.0; 7];
-        for i in 0..7 {
-            q[i] = principal(geometry.sign[i] * angles[i] + geometry.zero[i]);
-        }
-        q
+        std::array::from_fn(|i| principal(geometry.sign[i] * angles[i] + geometry.zero[i]))
     }
 
     /// `dq/ds` of one branch.
@@ -598,7 +616,6 @@ impl SrsArm {
         let p = product.sqrt();
         // 2 L2 L3 cos(theta4), the same P for theta4 and for the circle.
         let c = squared - l2 * l2 - l3 * l3;
-        let elbow = p.atan2(c);
         let scale = 1.0 / (p * p + c * c).sqrt();
         let (cos_elbow, sin_elbow) = (c * scale, p * scale);
         // Upper arm against n: adjacent side L2 + L3 cos(theta4), opposite side L3 sin(theta4).
@@ -607,8 +624,7 @@ impl SrsArm {
         let (cos_upper, sin_upper) =
             if length > f64::MIN_POSITIVE { (adjacent / length, opposite / length) } else { (0.0, 1.0) };
         let tool = geometry.frame.tr_mul(rotation) * geometry.tool_offset;
-        let circle =
-            Circle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, elbow, cos_elbow, sin_elbow, tool };
+        let circle = Circle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, cos_elbow, sin_elbow, tool };
         (circle, reach)
     }
 

@@ -1,0 +1,64 @@
+//! Distance from the middle of the joint ranges [Bettini2000, eq. (6)], to be minimised:
+//! `H(q) = 1/(2n) sum_i ((q_i - c_i) / (max_i - min_i))^2`.
+
+use nalgebra::DMatrix;
+
+use super::{Criterion, JointSpring, spring_gradient, spring_hessian, spring_value};
+use crate::chain::Chain;
+
+/// Available joint range [Bettini2000, eq. (6)]. Joints without limits, or fixed by limits of zero width, do not count;
+/// n is the number of all joints.
+///
+/// ```
+/// use redundancy_core::{chain::catalog, criterion::{Criterion, JointRange}};
+/// let h = JointRange::new(&catalog::load("iiwa14")?);
+/// assert_eq!(h.value(&[0.0; 7]), 0.0);
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointRange {
+    springs: Vec<JointSpring>,
+}
+
+impl JointRange {
+    /// From the limits of `chain`.
+    pub fn new(chain: &Chain) -> Self {
+        let n = chain.dof() as f64;
+        let springs = chain
+            .lower()
+            .iter()
+            .zip(chain.upper())
+            .map(|(lower, upper)| {
+                let range = upper - lower;
+                if range.is_finite() && range > 0.0 {
+                    JointSpring { weight: 1.0 / (n * range * range), center: lower + 0.5 * range }
+                } else {
+                    JointSpring { weight: 0.0, center: 0.0 }
+                }
+            })
+            .collect();
+        Self { springs }
+    }
+}
+
+impl Criterion for JointRange {
+    fn dof(&self) -> usize {
+        self.springs.len()
+    }
+
+    fn value(&self, q: &[f64]) -> f64 {
+        spring_value(&self.springs, q)
+    }
+
+    fn gradient(&self, q: &[f64], out: &mut [f64]) {
+        spring_gradient(&self.springs, q, out);
+    }
+
+    fn hessian(&self, _q: &[f64], out: &mut DMatrix<f64>) {
+        spring_hessian(&self.springs, out);
+    }
+
+    fn springs(&self) -> Option<Vec<JointSpring>> {
+        Some(self.springs.clone())
+    }
+}

@@ -1,0 +1,121 @@
+//! What to do with the freedom: h(q), its gradient and its Hessian.
+
+mod joint_range;
+mod posture;
+mod weighted;
+
+pub use joint_range::JointRange;
+pub use posture::Posture;
+pub use weighted::Weighted;
+
+use nalgebra::DMatrix;
+
+use crate::error::{Error, Result};
+
+/// Whether a criterion is to be small or large.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sense {
+    /// Small is good.
+    Minimize,
+    /// Large is good.
+    Maximize,
+}
+
+impl Sense {
+    /// The sense as a word.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Minimize => "minimize",
+            Self::Maximize => "maximize",
+        }
+    }
+
+    /// The other sense.
+    #[must_use]
+    pub fn flipped(self) -> Self {
+        match self {
+            Self::Minimize => Self::Maximize,
+            Self::Maximize => Self::Minimize,
+        }
+    }
+
+    /// +1 where small is good, -1 where large is.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Minimize => 1.0,
+            Self::Maximize => -1.0,
+        }
+    }
+}
+
+/// `weight / 2 (q - center)^2` for one joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointSpring {
+    /// Weight; 0 for joints that do not count.
+    pub weight: f64,
+    /// Where the term vanishes, rad or m.
+    pub center: f64,
+}
+
+/// A scalar function of the configuration.
+///
+/// `value`, `gradient` and `hessian` take a `q` of the right length; a wrong length is the caller's mistake and is
+/// checked by [`Criterion::check`], which every entry point of the crate calls first.
+pub trait Criterion: Send + Sync + std::fmt::Debug {
+    /// Number of joints.
+    fn dof(&self) -> usize;
+
+    /// Whether it is to be small or large.
+    fn sense(&self) -> Sense {
+        Sense::Minimize
+    }
+
+    /// h(q).
+    fn value(&self, q: &[f64]) -> f64;
+
+    /// Writes dh/dq to `out` (n).
+    fn gradient(&self, q: &[f64], out: &mut [f64]);
+
+    /// Writes d2h/dq2 to `out` (n, n).
+    fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>);
+
+    /// `h = sum_i weight_i / 2 (q_i - center_i)^2 + constant`, where it has this form: then its optimum over a circle
+    /// of solutions is found with bounds that prove it.
+    fn springs(&self) -> Option<Vec<JointSpring>> {
+        None
+    }
+
+    /// Checks `q`: one finite entry per joint.
+    ///
+    /// # Errors
+    /// Wrong length, or an entry that is not finite.
+    fn check(&self, q: &[f64]) -> Result<()> {
+        crate::error::check_vector("q", q, self.dof())
+    }
+}
+
+/// Checks that a criterion is made for as many joints as the arm has.
+pub(crate) fn check_dof(criterion: &dyn Criterion, dof: usize) -> Result<()> {
+    if criterion.dof() == dof {
+        return Ok(());
+    }
+    Err(Error::Length { what: "joints of the criterion".into(), expected: dof, actual: criterion.dof() })
+}
+
+/// Value of a row of springs, its gradient added to `out`.
+fn spring_value(springs: &[JointSpring], q: &[f64]) -> f64 {
+    springs.iter().zip(q).map(|(s, q)| 0.5 * s.weight * (q - s.center).powi(2)).sum()
+}
+
+fn spring_gradient(springs: &[JointSpring], q: &[f64], out: &mut [f64]) {
+    for ((out, s), q) in out.iter_mut().zip(springs).zip(q) {
+        *out = s.weight * (q - s.center);
+    }
+}
+
+fn spring_hessian(springs: &[JointSpring], out: &mut DMatrix<f64>) {
+    out.fill(0.0);
+    for (i, s) in springs.iter().enumerate() {
+        out[(i, i)] = s.weight;
+    }
+}

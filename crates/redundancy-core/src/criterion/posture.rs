@@ -1,0 +1,63 @@
+//! Squared distance from a wished configuration, to be minimised: `h(q) = 1/2 sum_i w_i (q_i - r_i)^2`.
+
+use nalgebra::DMatrix;
+
+use super::{Criterion, JointSpring, spring_gradient, spring_hessian, spring_value};
+use crate::error::{Error, Result, check_finite, check_length};
+
+/// Nearness to a reference configuration; joint values count as they are, a winding away is far away.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Posture {
+    springs: Vec<JointSpring>,
+}
+
+impl Posture {
+    /// With weight 1 for every joint.
+    ///
+    /// # Errors
+    /// An entry of `reference` that is not finite.
+    pub fn new(reference: &[f64]) -> Result<Self> {
+        Self::weighted(reference, &vec![1.0; reference.len()])
+    }
+
+    /// With a weight for each joint.
+    ///
+    /// # Errors
+    /// Lengths that differ, entries that are not finite, a negative weight.
+    pub fn weighted(reference: &[f64], weights: &[f64]) -> Result<Self> {
+        check_finite("q_ref", reference)?;
+        check_length("weights", weights, reference.len())?;
+        check_finite("weights", weights)?;
+        if let Some(i) = weights.iter().position(|w| *w < 0.0) {
+            let what = format!("weight {i}");
+            return Err(Error::OutOfRange { what, value: weights[i], bound: ">= 0".into() });
+        }
+        let springs = reference
+            .iter()
+            .zip(weights)
+            .map(|(center, weight)| JointSpring { weight: *weight, center: *center });
+        Ok(Self { springs: springs.collect() })
+    }
+}
+
+impl Criterion for Posture {
+    fn dof(&self) -> usize {
+        self.springs.len()
+    }
+
+    fn value(&self, q: &[f64]) -> f64 {
+        spring_value(&self.springs, q)
+    }
+
+    fn gradient(&self, q: &[f64], out: &mut [f64]) {
+        spring_gradient(&self.springs, q, out);
+    }
+
+    fn hessian(&self, _q: &[f64], out: &mut DMatrix<f64>) {
+        spring_hessian(&self.springs, out);
+    }
+
+    fn springs(&self) -> Option<Vec<JointSpring>> {
+        Some(self.springs.clone())
+    }
+}

@@ -1,0 +1,100 @@
+//! Sums and multiples of criteria.
+
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+use super::{Criterion, JointSpring, Sense};
+use crate::error::{Error, Result, check_finite};
+
+/// `sum_k factor_k h_k`; all terms have the sense of the whole.
+#[derive(Debug, Clone)]
+pub struct Weighted {
+    terms: Vec<(f64, Arc<dyn Criterion>)>,
+    dof: usize,
+    sense: Sense,
+}
+
+impl Weighted {
+    /// A multiple; a negative factor turns the sense round.
+    ///
+    /// # Errors
+    /// A factor that is zero or not finite.
+    pub fn multiple(factor: f64, criterion: Arc<dyn Criterion>) -> Result<Self> {
+        check_finite("factor", &[factor])?;
+        if factor == 0.0 {
+            return Err(Error::OutOfRange {
+                what: "factor".into(),
+                value: factor,
+                bound: "different from 0".into(),
+            });
+        }
+        let sense = if factor < 0.0 { criterion.sense().flipped() } else { criterion.sense() };
+        Ok(Self { dof: criterion.dof(), sense, terms: vec![(factor, criterion)] })
+    }
+
+    /// A sum.
+    ///
+    /// # Errors
+    /// Criteria for different numbers of joints, or one to minimise and one to maximise (negate one of them).
+    pub fn sum(a: Arc<dyn Criterion>, b: Arc<dyn Criterion>) -> Result<Self> {
+        super::check_dof(&*b, a.dof())?;
+        if a.sense() != b.sense() {
+            return Err(Error::Invalid(
+                "a criterion to minimize and one to maximize cannot be added; multiply one of them by -1"
+                    .into(),
+            ));
+        }
+        Ok(Self { dof: a.dof(), sense: a.sense(), terms: vec![(1.0, a), (1.0, b)] })
+    }
+}
+
+impl Criterion for Weighted {
+    fn dof(&self) -> usize {
+        self.dof
+    }
+
+    fn sense(&self) -> Sense {
+        self.sense
+    }
+
+    fn value(&self, q: &[f64]) -> f64 {
+        self.terms.iter().map(|(factor, h)| factor * h.value(q)).sum()
+    }
+
+    fn gradient(&self, q: &[f64], out: &mut [f64]) {
+        let mut one = vec![0.0; self.dof];
+        out.fill(0.0);
+        for (factor, h) in &self.terms {
+            h.gradient(q, &mut one);
+            for (out, g) in out.iter_mut().zip(&one) {
+                *out += factor * g;
+            }
+        }
+    }
+
+    fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {
+        let mut one = DMatrix::zeros(self.dof, self.dof);
+        out.fill(0.0);
+        for (factor, h) in &self.terms {
+            h.hessian(q, &mut one);
+            *out += *factor * &one;
+        }
+    }
+
+    fn springs(&self) -> Option<Vec<JointSpring>> {
+        // The sum of w/2 (q - c)^2 is one spring with the summed weight at the weighted mean, plus a constant.
+        let mut total = vec![(0.0, 0.0); self.dof];
+        for (factor, h) in &self.terms {
+            for ((weight, moment), s) in total.iter_mut().zip(h.springs()?) {
+                *weight += factor * s.weight;
+                *moment += factor * s.weight * s.center;
+            }
+        }
+        let spring = |(weight, moment): (f64, f64)| {
+            let center = if weight == 0.0 { 0.0 } else { moment / weight };
+            JointSpring { weight, center }
+        };
+        Some(total.into_iter().map(spring).collect())
+    }
+}

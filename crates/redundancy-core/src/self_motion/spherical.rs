@@ -1,0 +1,164 @@
+//! The three angles of a spherical joint as functions of the swivel.
+//!
+//! With `u = (cos s, sin s)` every entry of `R3` and of `R47` is a sinusoid `c0 + c1 cos s + c2 sin s`. The outer ZYZ
+//! angles are arc tangents of two of them, the cosine of the middle angle is one.
+
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
+
+use super::geometry::{Geometry, wrapped};
+use super::srs::Circle;
+use crate::tolerance::{GIMBAL_NEAR, GIMBAL_PASSAGE, GIMBAL_SINE, SINUSOID_FLAT, SINUSOID_TANGENT};
+
+/// `c0 + c1 cos s + c2 sin s`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sinusoid(pub [f64; 3]);
+
+impl Sinusoid {
+    #[inline(always)]
+    pub fn at(&self, cos: f64, sin: f64) -> f64 {
+        self.0[0] + self.0[1] * cos + self.0[2] * sin
+    }
+
+    pub fn combined(&self, a: f64, other: &Self, b: f64) -> Self {
+        Self(std::array::from_fn(|i| a * self.0[i] + b * other.0[i]))
+    }
+
+    /// Where it equals `value`; a constant nowhere, a tangent point that rounding lifts off counts (twice).
+    pub fn meets(&self, value: f64) -> Option<[f64; 2]> {
+        let [c, a, b] = self.0;
+        let c = c - value;
+        let squared = a * a + b * b;
+        let discriminant = squared - c * c;
+        if squared <= SINUSOID_FLAT * SINUSOID_FLAT || discriminant < -SINUSOID_TANGENT * squared {
+            return None;
+        }
+        let h = discriminant.max(0.0).sqrt();
+        Some([(-c * b + a * h).atan2(-c * a - b * h), (-c * b - a * h).atan2(-c * a + b * h)])
+    }
+}
+
+/// One spherical joint for one elbow.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spherical {
+    /// Cosine and sine of the first angle, times the sine of the middle one.
+    pub first: [Sinusoid; 2],
+    /// Cosine of the middle angle.
+    pub middle: Sinusoid,
+    /// As `first` for the third angle.
+    pub third: [Sinusoid; 2],
+    /// The middle angle stays at 0 or pi: only the sum of the others is defined, and `third` holds it.
+    pub locked: bool,
+    /// The axis about which it turns with the swivel, along the first axis ...
+    turn_first: f64,
+    /// ... and along the third.
+    turn_third: f64,
+}
+
+impl Spherical {
+    /// From entries of the product: its third column, and the first two entries of its last and second rows.
+    fn new(column: [Sinusoid; 3], row3: [Sinusoid; 2], row2: [Sinusoid; 2], turn: &Vector3<f64>) -> Self {
+        let flat = |s: &Sinusoid| s.0.iter().all(|c| c.abs() < GIMBAL_SINE);
+        let locked = flat(&column[0]) && flat(&column[1]);
+        let (first, third) = if locked {
+            // First angle 0: the second row is (sin c, cos c).
+            ([Sinusoid([1.0, 0.0, 0.0]), Sinusoid([0.0; 3])], [row2[1], row2[0]])
+        } else {
+            ([column[0], column[1]], [Sinusoid(row3[0].0.map(|c| -c)), row3[1]])
+        };
+        // turn . third axis is constant, so the constant parts tell it.
+        let turn_third = (0..3).map(|i| turn[i] * column[i].0[0]).sum();
+        Self { first, middle: column[2], third, locked, turn_first: turn.z, turn_third }
+    }
+
+    /// Swivels at which the middle angle passes through 0 or pi: the outer angles jump by pi there.
+    pub fn gimbals(&self) -> impl Iterator<Item = f64> {
+        let [c0, c1, c2] = self.middle.0;
+        let near = !self.locked && c0.abs() + c1.hypot(c2) > 1.0 - GIMBAL_NEAR;
+        let s = if near { c2.atan2(c1) } else { 0.0 };
+        let first = self.first;
+        [s, s + PI].into_iter().filter(move |_| near).map(wrapped).filter(move |s| {
+            let (sin, cos) = s.sin_cos();
+            first[0].at(cos, sin).hypot(first[1].at(cos, sin)) < GIMBAL_PASSAGE
+        })
+    }
+
+    /// Adds the swivels at which an angle or its rate stops being monotone.
+    ///
+    /// With `x = cos(middle)`, `p, r` the turn axis along the first and the third axis: `a' = (p - r x)/(1 - x^2)`,
+    /// `c' = (r - p x)/(1 - x^2)`, `b' = -x'/sqrt(1 - x^2)`.
+    pub fn push_monotone_cuts(&self, out: &mut Vec<f64>) {
+        let [c0, c1, c2] = self.middle.0;
+        let amplitude = c1.hypot(c2);
+        if self.locked || amplitude <= SINUSOID_FLAT {
+            return;
+        }
+        // Extrema of the middle angle.
+        let s1 = c2.atan2(c1);
+        out.extend([s1, wrapped(s1 + PI)]);
+        // Zeros of a' and c', and zeros of their derivatives with respect to x: -r + 2 p x - r x^2, -p + 2 r x - p x^2.
+        let (p, r) = (self.turn_first, self.turn_third);
+        for (p, r) in [(p, r), (r, p)] {
+            let discriminant = p * p - r * r;
+            let root = discriminant.max(0.0).sqrt();
+            let at = if discriminant > 0.0 { [p / r, (p - root) / r, (p + root) / r] } else { [p / r; 3] };
+            for x in at.iter().enumerate().filter(|(i, x)| (*i == 0 || discriminant > 0.0) && x.abs() <= 1.0)
+            {
+                out.extend(self.middle.meets(*x.1).into_iter().flatten());
+            }
+        }
+        // Extrema of b': with c = cos(s - s1), x = A + B c: A B c^2 + (A^2 + B^2 - 1) c + A B = 0.
+        let (ab, k) = (c0 * amplitude, 1.0 - c0 * c0 - amplitude * amplitude);
+        let discriminant = k * k - 4.0 * ab * ab;
+        if discriminant >= 0.0 {
+            // The root within [-1, 1], without cancellation; 0 where the product vanishes.
+            let denominator = k + k.signum() * discriminant.sqrt();
+            let c = if denominator == 0.0 { 0.0 } else { 2.0 * ab / denominator };
+            if c.abs() <= 1.0 {
+                let angle = c.acos();
+                out.extend([wrapped(s1 + angle), wrapped(s1 - angle)]);
+            }
+        }
+    }
+}
+
+/// Shoulder and wrist for one elbow sign.
+pub(super) fn sphericals(geometry: &Geometry, circle: &Circle, elbow: f64) -> [Spherical; 2] {
+    // R3 v for a constant v, as constant, cosine and sine part:
+    // x3 = e (sin_upper n - cos_upper w), y3 = e w x n, z3 = cos_upper n + sin_upper w, w0 x n = -w1, w1 x n = w0.
+    let carried = |v: Vector3<f64>| -> [Vector3<f64>; 3] {
+        let along_n = v.x * elbow * circle.sin_upper + v.z * circle.cos_upper;
+        let along_w = v.z * circle.sin_upper - v.x * elbow * circle.cos_upper;
+        let across = v.y * elbow;
+        [
+            circle.n * along_n,
+            circle.w0 * along_w - circle.w1 * across,
+            circle.w1 * along_w + circle.w0 * across,
+        ]
+    };
+    let component = |parts: &[Vector3<f64>; 3], i: usize| Sinusoid([parts[0][i], parts[1][i], parts[2][i]]);
+    let c = &geometry.shoulder_offset;
+    let columns = [0, 1, 2].map(|j| carried(c.column(j).into()));
+    let shoulder = Spherical::new(
+        [0, 1, 2].map(|i| component(&columns[2], i)),
+        [component(&columns[0], 2), component(&columns[1], 2)],
+        [component(&columns[0], 1), component(&columns[1], 1)],
+        &circle.n,
+    );
+    // R47 row i, column j: (R3 Ry(theta4) c_i) . t_j with c_i row i of the wrist offset.
+    let (cos, sin) = (circle.cos_elbow, elbow * circle.sin_elbow);
+    let turned = |v: Vector3<f64>| Vector3::new(cos * v.x + sin * v.z, v.y, cos * v.z - sin * v.x);
+    let rows = [0, 1, 2].map(|i| carried(turned(geometry.wrist_offset.row(i).transpose())));
+    let entry = |i: usize, j: usize| {
+        let t: Vector3<f64> = circle.tool.column(j).into();
+        Sinusoid([rows[i][0].dot(&t), rows[i][1].dot(&t), rows[i][2].dot(&t)])
+    };
+    let wrist = Spherical::new(
+        [entry(0, 2), entry(1, 2), entry(2, 2)],
+        [entry(2, 0), entry(2, 1)],
+        [entry(1, 0), entry(1, 1)],
+        &circle.wrist_turn(geometry, elbow),
+    );
+    [shoulder, wrist]
+}
