@@ -20,6 +20,7 @@
 pub mod chain;
 pub mod criterion;
 pub mod kinematics;
+pub mod path;
 pub mod rotation;
 pub mod self_motion;
 pub mod tolerance;

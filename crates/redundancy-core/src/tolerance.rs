@@ -42,6 +42,31 @@ pub const LIMIT_SLACK: f64 = 1e-12;
 /// Angle (rad) between two directions below which a projected reference axis is undefined.
 pub const REFERENCE_PARALLEL: f64 = 1e-6;
 
+/// Largest distance (m) between consecutive path samples that counts as standing still: below it arc length is noise.
+pub const PATH_STANDSTILL: f64 = 1e-9;
+
+/// Largest angle (rad) between orientations that count as the same at one place of a path; the angle of two rotation
+/// matrices that are equal up to rounding is of the order of the root of the machine precision.
+pub const PATH_SAME_ORIENTATION: f64 = 1e-7;
+
+/// Arc length (m per rad) that a step counts which only turns the tool: about the size of a tool, so that the path
+/// parameter grows by the order of the distance that the tool's rim travels.
+pub const TURN_LENGTH: f64 = 0.1;
+
+/// Relative excess of a path parameter over the path's ends that rounding explains; it is clamped.
+pub const PATH_END_ROUNDING: f64 = 1e-9;
+
+/// Least norm of the interpolated quaternion that is divided by; samples less than a right angle apart stay above 0.7.
+pub const QUATERNION_CHORD: f64 = 1e-3;
+
+/// Relative misfit of raster corners that printed constants (8 digits) may have, and the cosine by which the directions
+/// of a raster may miss the right angle.
+pub const CORNER_FIT: f64 = 1e-8;
+
+/// Shortest time (s) from one trajectory row to the next where the joint speeds ask for less: rows in which nothing
+/// moves still follow each other in time. A thousandth of the cycle of the fastest controllers.
+pub const SHORTEST_STEP: f64 = 1e-6;
+
 /// Amplitude below which a sinusoid of entries of rotation matrices (order 1) is a constant.
 pub const SINUSOID_FLAT: f64 = 1e-14;
 

@@ -1,0 +1,113 @@
+# Everything runs in a private .venv; needed beforehand: Python >= 3.11 and a Rust toolchain.
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+TARGET := $(or $(CARGO_TARGET_DIR),target)
+DIST := $(TARGET)/wheels
+# The checks see the same interpreter as the wheel, so pyo3 is not configured twice.
+export PYO3_PYTHON := $(CURDIR)/$(PY)
+export MPLBACKEND := Agg
+
+RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' -o -path '*/data/*' -type f)
+PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name 'py.typed' -o -path '*/data/*' -type f)
+
+.PHONY: help demo test test-full format lint rust-test python-test examples package bench docs wheel clean
+
+help:
+	@echo 'make demo       a 7-joint arm follows a path; tables, plots and trajectories in out/'
+	@echo 'make test       every check of CI (heavy ones on seeded subsets)'
+	@echo 'make test-full  the same with the heavy checks in full'
+	@echo 'make bench      criterion, then side by side with other libraries'
+	@echo 'make docs       API documentation in target/doc'
+	@echo 'make wheel      build the package and install it in .venv'
+	@echo 'make format     rewrite the sources in the house format'
+	@echo 'make clean      remove everything that was built'
+
+# --- set-up -----------------------------------------------------------------------------------------------
+# requirements(EXTRAS): the build system and what those extras name, without the package itself.
+define requirements
+$(PY) -c 'import sys, tomllib; t = tomllib.load(open("pyproject.toml", "rb")); e = t["project"]; \
+print(*t["build-system"]["requires"], *e["dependencies"], \
+*(r for x in sys.argv[1:] for r in e["optional-dependencies"][x]), sep="\n")' $(1)
+endef
+
+$(VENV)/.created:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, $(PYTHON) is " + sys.version.split()[0])'
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.demo: $(VENV)/.created pyproject.toml
+	$(call requirements,cli) > $(VENV)/demo.txt
+	$(PY) -m pip install --quiet -r $(VENV)/demo.txt
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.demo
+	$(call requirements,cli dev) > $(VENV)/dev.txt
+	$(PY) -m pip install --quiet -r $(VENV)/dev.txt
+	@touch $@
+
+$(VENV)/.bench: $(VENV)/.dev
+	$(call requirements,cli dev bench) > $(VENV)/bench.txt
+	$(PY) -m pip install --quiet -r $(VENV)/bench.txt
+	@touch $@
+
+$(VENV)/.wheel: $(VENV)/.demo $(RUST_SOURCES) $(PYTHON_SOURCES)
+	rm -rf $(DIST)
+	$(PY) -m maturin build --release --locked --interpreter $(PYO3_PYTHON) --out $(DIST)
+	$(PY) -m pip install --quiet --no-deps --force-reinstall $(DIST)/*.whl
+	@touch $@
+
+wheel: $(VENV)/.wheel
+
+# --- what a user sees first -------------------------------------------------------------------------------
+demo: $(VENV)/.wheel
+	$(VENV)/bin/redundancy demo --out out/demo
+
+# --- checks -----------------------------------------------------------------------------------------------
+test: lint rust-test python-test examples package
+
+test-full:
+	REDUNDANCY_TEST_FULL=1 $(MAKE) test
+
+format: $(VENV)/.dev
+	cargo fmt --all
+	$(PY) -m ruff format .
+	$(PY) -m ruff check --fix .
+
+lint: $(VENV)/.dev
+	cargo fmt --all --check
+	$(PY) -m ruff format --check .
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
+
+# `cargo test` builds and runs unit, integration and documentation tests and builds the examples.
+rust-test: $(VENV)/.dev
+	cargo test --locked
+	cargo bench --locked -- --test
+
+python-test: $(VENV)/.dev $(VENV)/.wheel
+	$(PY) -m mypy.stubtest --allowlist tests/python/stubtest.allow redundancy._core
+	$(PY) -m pytest
+
+examples: $(VENV)/.dev $(VENV)/.wheel rust-test
+	@set -e; for f in $(wildcard examples/rust/*.rs); do \
+		echo "== $$f"; cargo run --quiet --locked --profile test --example $$(basename $$f .rs); done
+	@set -e; for f in $(wildcard examples/python/*.py); do echo "== $$f"; $(PY) $$f; done
+
+# A wheel and a source distribution, each installed into an empty environment with nothing but numpy.
+package: $(VENV)/.dev $(VENV)/.wheel
+	$(PY) -m maturin sdist --out $(DIST)
+	CARGO_TARGET_DIR=$(abspath $(TARGET)) $(PY) tests/clean_install.py $(DIST)
+
+# --- measuring --------------------------------------------------------------------------------------------
+bench: $(VENV)/.bench $(VENV)/.wheel
+	cargo bench --locked
+	@set -e; for f in $(wildcard benches/python/*.py); do echo "== $$f"; $(PY) $$f; done
+
+docs:
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
+
+clean:
+	rm -rf $(VENV) $(TARGET) out .mypy_cache .ruff_cache .pytest_cache

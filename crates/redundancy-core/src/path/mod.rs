@@ -1,0 +1,39 @@
+//! What comes in and what goes out: paths of poses, trajectories of joints.
+//!
+//! A [`Path`] is a row of tool poses (or positions) ordered by arc length, with a curve through them; a
+//! [`Trajectory`] is a row of joint positions and velocities over time, with what happened on the way as events.
+//!
+//! # The curve between samples
+//! Positions `p(s)` and orientations `Q(s)` are C2 in the arc length `s` (metres):
+//!
+//! - A path made from samples carries a cubic spline with not-a-knot ends. Its error is `O(h^4)`, and on its first
+//!   and last two intervals it is one cubic, so no end condition is invented.
+//! - Orientations are the same spline through the unit quaternions, signs chosen so that neighbours are less than
+//!   half a turn apart, projected back on the sphere: `Q(s) = P(s) / |P(s)|`. The projection is smooth where
+//!   `P != 0`, and since products with a fixed unit quaternion are rotations of the 4-space, the curve does not
+//!   depend on the base frame or on the tool frame in which the poses are written (a spline of rotation vectors or
+//!   of Euler angles does). Samples should be less than a right angle apart; the chord then stays clear of 0.
+//! - [`Circle`] and [`Raster`] keep their analytic position between samples.
+//!
+//! Derivatives with respect to `s`: `p'` and `p''` in 1 and 1/m, the rate of turning `omega` with
+//! `Q' = (0, omega) * Q / 2` in rad/m and base axes, and `omega'` in rad/m^2.
+//!
+//! # Degenerate input
+//! Samples at the same place and with the same orientation (a stop) share their `s`. A step that turns the tool on
+//! the spot has no length; without given `s` it counts [`TURN_LENGTH`](crate::tolerance::TURN_LENGTH) per radian, so
+//! that every pose has its own `s`.
+//!
+//! Cost: building `O(N)`, evaluating `O(log N)`.
+
+#[allow(clippy::module_inception)]
+mod path;
+mod shapes;
+mod spline;
+mod table;
+mod timing;
+mod trajectory;
+
+pub use path::{Path, PathPoint, Shape};
+pub use shapes::{Circle, Raster};
+pub use timing::{TimingSettings, times_within_limits};
+pub use trajectory::{Event, EventKind, Trajectory};
