@@ -4,5 +4,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod path;
+mod planning;
 mod self_motion;
 mod support;

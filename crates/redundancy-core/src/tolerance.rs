@@ -86,3 +86,7 @@ pub const OPTIMUM_GAP: f64 = 1e-10;
 
 /// A step of a monotone joint against its direction up to this size (rad) is rounding.
 pub const UNWIND_ROUNDING: f64 = 1e-6;
+
+/// A joint step (rad) between neighbouring points of a path above which the arm is said to jump: an eighth of a turn. A
+/// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
+pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
