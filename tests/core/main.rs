@@ -7,3 +7,10 @@ mod path;
 mod planning;
 mod self_motion;
 mod support;
+//! Public behaviour of the core: properties, agreement, paper tables.
+
+mod allocations;
+mod chain;
+mod chain_catalog;
+mod chain_urdf;
+mod kinematics;
