@@ -6,6 +6,7 @@ mod batch;
 mod chain;
 mod convert;
 mod error;
+mod path;
 
 #[pymodule]
 mod _core {
@@ -13,6 +14,9 @@ mod _core {
 
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+
+    #[pymodule_export]
+    use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
