@@ -5,6 +5,7 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use redundancy_core::chain::{Chain, catalog};
+use redundancy_core::criterion::JointRange;
 use redundancy_core::self_motion::SrsArm;
 use redundancy_core::{Pose, pose_to_row_major};
 
@@ -50,6 +51,21 @@ fn closed_form(c: &mut Criterion) {
                 |motion| {
                     motion.branches().iter().map(|b| b.intervals(0.0).expect("margin").len()).sum::<usize>()
                 },
+                BatchSize::SmallInput,
+            );
+        });
+        let range = JointRange::new(&chain);
+        c.bench_function(&format!("self_motion/best_joint_range/{name}"), |b| {
+            b.iter_batched(
+                || arm.self_motion(next()).expect("valid pose"),
+                |motion| motion.best(&range).expect("same arm"),
+                BatchSize::SmallInput,
+            );
+        });
+        c.bench_function(&format!("self_motion/nearest/{name}"), |b| {
+            b.iter_batched(
+                || arm.self_motion(next()).expect("valid pose"),
+                |motion| motion.nearest(&[0.1, 0.4, 0.2, 1.0, -0.3, 0.8, 0.5]).expect("valid q"),
                 BatchSize::SmallInput,
             );
         });

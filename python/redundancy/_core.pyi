@@ -2,14 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Literal, Self, TypeAlias, final
+from typing import Any, Literal, Self, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
+from redundancy.status import EventKind, Status
+
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
 _Pose: TypeAlias = Any
+_Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 __version__: str
 
@@ -276,7 +279,7 @@ class Event:
 
     def __new__(cls, kind: str, index: int, t: float, s: float, message: str) -> Event: ...
     @property
-    def kind(self) -> str:
+    def kind(self) -> EventKind:
         """What kind of thing happened."""
     @property
     def index(self) -> int:
@@ -384,3 +387,271 @@ def paths_raster(
     along: ArrayLike,
     across: ArrayLike,
 ) -> Path: ...
+
+# criterion
+
+@disjoint_base
+class Criterion:
+    """A scalar function of the configuration, with gradient and Hessian.
+
+    Sums (`a + b`, equal senses) and multiples (`2.0 * a`, `-a` turns the sense round) are criteria.
+    """
+
+    @property
+    def dof(self) -> int:
+        """Number of joints n."""
+    @property
+    def sense(self) -> Literal["minimize", "maximize"]:
+        """Whether it is to be small or large."""
+    @overload
+    def value(self, q: _Vector) -> float: ...
+    @overload
+    def value(self, q: ArrayLike) -> Any:
+        """h(q) for `(n,)`, or `(N,)` values for `(N, n)`."""
+    def gradient(self, q: ArrayLike) -> NDArray[np.float64]:
+        """dh/dq, `(n,)` or `(N, n)`; per rad or m."""
+    def hessian(self, q: ArrayLike) -> NDArray[np.float64]:
+        """d2h/dq2, `(n, n)` or `(N, n, n)`."""
+    def __add__(self, other: Criterion, /) -> Criterion: ...
+    def __radd__(self, other: Criterion, /) -> Criterion: ...
+    def __mul__(self, factor: float, /) -> Criterion: ...
+    def __rmul__(self, factor: float, /) -> Criterion: ...
+    def __neg__(self) -> Criterion: ...
+
+@final
+class JointRange(Criterion):
+    """Distance from the middle of the joint ranges, to minimise.
+
+    `1/(2n) sum ((q_i - c_i) / (upper_i - lower_i))^2` (Bettini, De Luca, Oriolo 2000, eq. 6). Joints without limits
+    do not count; n is the number of all joints.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.JointRange(rd.catalog.load("iiwa14")).value([0.0] * 7)
+        0.0
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+
+@final
+class Posture(Criterion):
+    """Nearness to a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
+
+    Args:
+        chain: The arm.
+        q_ref: `(n,)`, rad or m. Joint values count as they are: a winding away is far away.
+        weights: `(n,)`, not negative; 1 by default.
+    """
+
+    def __new__(cls, chain: Chain, q_ref: ArrayLike, weights: ArrayLike | None = None) -> Self: ...
+
+# self-motion
+
+@final
+class SrsArm:
+    """A spherical-revolute-spherical arm with its closed-form inverse kinematics (Moore & Oztop 2010).
+
+    The arm is recognised from its geometry alone: any base, tool, axis signs, joint zeros, elbow offset. With n from
+    shoulder to wrist, the elbow is on a circle about n; the swivel s says where. Zero and sense of s follow the paper
+    in the frame whose z is +axis 1 and whose x is the base x projected.
+
+    Args:
+        chain: Seven turning joints.
+        chart: `"shortest_arc"` (the paper; singular where n is against the reference) or `"stereographic"` (singular
+            only on the half-line that you name).
+        reference: `(3,)` direction in world axes: for `shortest_arc` the one used for +axis 1, for `stereographic` the
+            singular half-line (default: against axis 1).
+
+    Raises:
+        NotSrsError: Which axes miss each other and by how much.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.SrsArm(rd.catalog.load("iiwa14"))
+        >>> pose = arm.chain.forward([0.1, 0.5, 0.2, -1.2, 0.3, 0.8, 0.0])
+        >>> arm.solve(pose, swivel=0.4).shape[1]
+        7
+    """
+
+    def __new__(
+        cls, chain: Chain, chart: str = "shortest_arc", reference: ArrayLike | None = None
+    ) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def chart(self) -> str:
+        """Name of the chart."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Upper arm and forearm, m: shoulder and wrist centre to the elbow axis."""
+    @property
+    def shoulder(self) -> NDArray[np.float64]:
+        """Centre of the shoulder in the world, `(3,)`, m."""
+    def solve(self, pose: Any, swivel: float | ArrayLike, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose at a swivel.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            swivel: The angle s (rad), or u = (cos s, sin s).
+            limits: Only those within the joint limits. Without: all 8 rows in branch order (index
+                `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
+
+        Returns:
+            `(k, 7)`; `(0, 7)` when the pose is out of reach or no branch holds the limits here:
+            `self_motion(pose).reason` says which.
+        """
+    def solve_batch(
+        self,
+        poses: Any,
+        swivels: float | ArrayLike,
+        limits: bool = True,
+        out: SolveBatch | tuple[NDArray[np.float64], NDArray[np.bool_]] | None = None,
+        *,
+        threads: int | None = None,
+    ) -> SolveBatch:
+        """All branches over many poses.
+
+        Args:
+            poses: `(N, 4, 4)`.
+            swivels: One angle, `(N,)` angles, or `(N, 2)` vectors (cos s, sin s).
+            limits: Whether `valid` says that the joint limits hold, or only that the pose is in reach.
+            out: An earlier result, or `(q, valid)` of shapes `(N, 8, 7)` and `(N, 8)`, to be filled again.
+            threads: Size of the pool; all cores by default. The bits do not depend on it.
+        """
+    def intervals_batch(
+        self, poses: Any, margin: float = 0.0, *, threads: int | None = None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Feasible intervals of all branches over many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi)."""
+    def best_batch(self, poses: Any, criterion: Criterion, *, threads: int | None = None) -> ChoiceBatch:
+        """`SelfMotion.best` over many poses."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration `(7,)` over the pose nearest to `q` (Euclidean), limits held, windings included.
+
+        `None` when there is none: `self_motion(pose).reason` says why. A batch of poses gives a `ChoiceBatch`.
+        """
+    def nearest_batch(self, poses: Any, q: ArrayLike, *, threads: int | None = None) -> ChoiceBatch:
+        """`nearest` over many poses, to one `q` `(7,)` or one each `(N, 7)`."""
+    def swivel(self, q: ArrayLike) -> Any:
+        """Swivel angle of a configuration, rad in (-pi, pi]; `(N,)` for `(N, 7)`."""
+    def branch(self, q: ArrayLike) -> Any:
+        """Signs (shoulder, elbow, wrist) of a configuration; `(N, 3)` for `(N, 7)`."""
+    def self_motion(self, pose: Any) -> SelfMotion:
+        """Every configuration over a pose, as an object."""
+    def chart_change(self, other: SrsArm, pose: Any) -> float:
+        """What to add to a swivel of this chart to have that of `other`'s chart at the same pose, rad."""
+
+@final
+class SelfMotion:
+    """Every configuration over one pose: up to eight circles.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.SrsArm(rd.catalog.load("pa10"))
+        >>> motion = arm.self_motion(arm.chain.forward([0.1, 0.5, 0.2, 1.2, 0.3, 0.8, 0.0]))
+        >>> print(motion.status, len(motion.branches))
+        converged 8
+        >>> motion.best(rd.JointRange(arm.chain)).q.shape
+        (7,)
+    """
+
+    @property
+    def status(self) -> Status:
+        """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
+    @property
+    def reason(self) -> str:
+        """Why none, with the number: too far or too near by x mm; which joint, by how much at best. Else empty."""
+    @property
+    def branches(self) -> list[Branch]:
+        """The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach."""
+    def best(self, criterion: Criterion) -> Choice:
+        """The best configuration over all branches, feasible arcs and windings.
+
+        For joint range, posture and their sums the optimum is proven by bounds; for other criteria every stationary
+        point that a piecewise cubic resolves is compared.
+        """
+    def nearest(self, q: ArrayLike) -> Choice:
+        """The configuration with the least Euclidean distance to `q`, which is the `value`."""
+
+@final
+class Branch:
+    """One circle of configurations: fixed signs, the swivel runs."""
+
+    @property
+    def signs(self) -> tuple[int, int, int]:
+        """Signs of theta2, theta4, theta6 (shoulder, elbow, wrist)."""
+    @property
+    def index(self) -> int:
+        """`4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`."""
+    def q(self, s: float | ArrayLike) -> NDArray[np.float64]:
+        """Configuration at swivel `s` (rad): `(7,)`, or `(N, 7)` for `(N,)`.
+
+        Principal values unless that breaks a limit and a winding does not.
+        """
+    def tangent(self, s: float | ArrayLike) -> NDArray[np.float64]:
+        """dq/ds, `(7,)` or `(N, 7)`: in the kernel of the Jacobian."""
+    def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
+        """Where all joint limits hold with `margin` (rad, from each limit): `(k, 2)`, exact.
+
+        `[lo, hi]` contains s when `(s - lo) mod 2 pi <= hi - lo`.
+        """
+
+@final
+class Choice:
+    """A configuration chosen over a pose; its parts are `None` where no configuration holds the limits."""
+
+    @property
+    def q(self) -> NDArray[np.float64] | None:
+        """Joint positions `(7,)`, rad."""
+    @property
+    def swivel(self) -> float | None:
+        """Its swivel, rad in (-pi, pi]."""
+    @property
+    def branch(self) -> tuple[int, int, int] | None:
+        """Its signs (shoulder, elbow, wrist)."""
+    @property
+    def value(self) -> float | None:
+        """The criterion there."""
+    @property
+    def status(self) -> Status:
+        """`converged`, `limits` or `unreachable`."""
+    @property
+    def reason(self) -> str:
+        """Why there is none; empty when there is one."""
+
+@final
+class ChoiceBatch:
+    """Choices over many poses."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, 7)`; rows that are not valid are 0."""
+    @property
+    def swivel(self) -> NDArray[np.float64]:
+        """`(N,)`, rad."""
+    @property
+    def branch(self) -> NDArray[np.int8]:
+        """`(N, 3)` signs."""
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """`(N,)`."""
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """`(N,)`: there is a configuration within the limits."""
+
+@final
+class SolveBatch:
+    """Result of `SrsArm.solve_batch`."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, 8, 7)` in branch order; rows that are not valid are unspecified but finite."""
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """`(N, 8)`."""

@@ -82,6 +82,7 @@ def test_pickle_repr_and_length():
     assert len(given) == 4
     assert repr(given) == "Trajectory(4 rows of 2 joints, 1 s, 2 events)"
     assert repr(given.events[0]).startswith("Event(kind='reconfiguration', index=2, t=0.35, s=0.1")
+    assert given.events[0].kind is rd.EventKind.RECONFIGURATION
     assert str(given.events[0].kind) == "reconfiguration"
 
 

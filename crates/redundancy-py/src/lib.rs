@@ -5,8 +5,11 @@ use pyo3::prelude::*;
 mod batch;
 mod chain;
 mod convert;
+mod criterion;
 mod error;
 mod path;
+mod self_motion;
+mod status;
 
 #[pymodule]
 mod _core {
@@ -14,6 +17,10 @@ mod _core {
 
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use criterion::{PyCriterion, PyJointRange, PyPosture};
+    #[pymodule_export]
+    use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
 
     #[pymodule_export]
     use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};

@@ -16,6 +16,7 @@ use crate::convert::{
     new_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array, writable,
 };
 use crate::error::to_py;
+use crate::status::event_kind_to_py;
 
 /// Tool poses or positions in the order of arc length.
 #[pyclass(name = "Path", module = "redundancy", frozen)]
@@ -358,8 +359,8 @@ impl PyEvent {
 
     /// The kind as a word.
     #[getter]
-    fn kind(&self) -> &'static str {
-        self.event.kind.as_str()
+    fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        event_kind_to_py(py, self.event.kind)
     }
 
     /// Row of the trajectory.

@@ -192,11 +192,6 @@ impl Arcs {
         self.arcs.iter().chain(&self.points).all(|m| *m == 0)
     }
 
-    /// Swivels at which some branch meets a limit or jumps, ascending in `[-pi, pi]`.
-    pub(super) fn cuts(&self) -> &[f64] {
-        &self.cuts
-    }
-
     /// Whether a branch holds its limits at `s`, which is not a cut.
     pub(super) fn holds(&self, branch: usize, s: f64) -> bool {
         let s = wrapped(s);
@@ -204,6 +199,13 @@ impl Arcs {
         let after = self.cuts.partition_point(|cut| *cut <= s);
         let arc = if after == 0 { self.arcs.len() - 1 } else { after - 1 };
         self.arcs[arc] & (1 << branch) != 0
+    }
+
+    /// Calls `visit(lo, hi)` for the intervals of one branch.
+    pub(super) fn for_each(&self, branch: usize, mut visit: impl FnMut(f64, f64)) {
+        for [lo, hi] in self.of(branch) {
+            visit(lo, hi);
+        }
     }
 
     /// The intervals of one branch.

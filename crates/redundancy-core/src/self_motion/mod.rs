@@ -4,6 +4,7 @@
 //! recognises such arms from their geometry; [`SelfMotion`] is the set over one pose and [`Branch`] one circle of
 //! it, with the exact arcs on which the joint limits hold.
 
+mod batch;
 mod chart;
 mod circle;
 mod geometry;
@@ -12,6 +13,7 @@ mod optimum;
 mod spherical;
 mod srs;
 
+pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
 pub use geometry::Defect;

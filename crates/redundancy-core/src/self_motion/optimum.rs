@@ -3,16 +3,16 @@
 //! # Why it cannot be missed
 //! With `x(s) = cos(middle angle)`, a sinusoid, the rates of a spherical joint that turns about the constant `t` are
 //! `a' = (t_z - r x)/(1 - x^2)`, `c' = (r - t_z x)/(1 - x^2)`, `b' = -x'/sqrt(1 - x^2)`, with the constant
-//! `r = t . e3`. Their zeros and extrema are roots of quadratics in x or in cos(s - s1): at most 2 x 10 swivels for
-//! both spherical joints. Cut there, every joint and every joint rate is monotone on each piece, so its range is known
-//! from the ends. For a criterion `sum w_i/2 (q_i - c_i)^2` that gives on each piece
+//! `r = t . e3`. Their zeros and extrema are roots of quadratics in x or in cos(s - s1). Cut at the zeros of the rates
+//! every joint is monotone on each piece, so its range is known from the ends; cut also at the extrema of the rates,
+//! so are its rate's. For a criterion `sum w_i/2 (q_i - c_i)^2` that gives on each piece
 //!
 //! - a lower bound from the joint ranges, windings within the limits included;
 //! - the range of the derivative; where it has no zero the minimum is at an end;
-//! - the mean-value bound, which closes quadratically around a minimum.
+//! - the bound from lines of least and greatest slope, which closes quadratically around a minimum.
 //!
-//! Pieces that could still hold something better than the best point found are halved, best bound first, until none
-//! is left: the result is the global minimum up to [`OPTIMUM_GAP`].
+//! Pieces that could still hold something better than the best point found are divided, best bound first, until none
+//! is left: the result is the global minimum up to [`OPTIMUM_GAP`]. A typical search looks at some 50 pieces.
 //!
 //! Other criteria have no such bounds. There each piece is halved until the cubic through values and slopes at its
 //! ends predicts the value in the middle, and every sign change of the slope is refined.
@@ -58,13 +58,15 @@ struct Sample {
     rate: [f64; 7],
 }
 
-/// A stretch of one branch on which all joints and all joint rates are monotone.
+/// A stretch of one branch on which all joints are monotone.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
     branch: usize,
     a: Sample,
     b: Sample,
     bound: f64,
+    /// Whether the rates are monotone as well.
+    rates: bool,
 }
 
 impl PartialEq for Piece {
@@ -127,84 +129,101 @@ impl SelfMotion {
 
     /// Global minimum of a sum of springs.
     fn softest(&self, springs: [JointSpring; 7]) -> Option<Choice> {
-        let arcs = self.arcs();
-        if arcs.is_empty() {
-            return None;
-        }
         let mut search = Search { motion: self, springs, best: None };
-        let mut heap = BinaryHeap::with_capacity(64);
+        let mut heap = BinaryHeap::with_capacity(128);
         self.for_each_piece(|branch, a, b| {
             search.offer(branch, &a);
-            search.offer(branch, &b);
-            let bound = search.bound(&a, &b);
-            heap.push(Piece { branch, a, b, bound });
+            let bound = search.range_bound(&a, &b).0;
+            heap.push(Piece { branch, a, b, bound, rates: false });
         });
-        // Touching points.
-        for branch in self.branch_indices() {
-            for [lo, hi] in arcs.of(branch) {
-                if lo == hi {
-                    let sample = self.sample(branch, &self.node(branch, lo));
-                    search.offer(branch, &sample);
-                }
-            }
-        }
+        // The cuts at extrema of the rates, computed when the first piece asks for them.
+        let mut rate_cuts: [Option<Vec<f64>>; 2] = [None, None];
         while let Some(piece) = heap.pop() {
             let best = search.best.map_or(f64::INFINITY, |b| b.value);
-            let gap = OPTIMUM_GAP * (1.0 + best.abs());
-            if piece.bound >= best - gap {
+            if piece.bound >= best - OPTIMUM_GAP * (1.0 + best.abs()) {
                 break;
             }
-            let middle = search.split(&piece);
-            if middle <= piece.a.s || middle >= piece.b.s {
-                continue;
-            }
-            let mut sample = self.sample(piece.branch, &self.node(piece.branch, middle));
-            for i in 0..7 {
-                // The joint is monotone on the piece: its value lies between those at the ends.
-                let centre = 0.5 * (piece.a.q[i] + piece.b.q[i]);
-                sample.q[i] += TAU * ((centre - sample.q[i]) / TAU).round();
-            }
-            search.offer(piece.branch, &sample);
-            for (a, b) in [(piece.a, sample), (sample, piece.b)] {
-                let bound = search.bound(&a, &b).max(piece.bound);
-                heap.push(Piece { branch: piece.branch, a, b, bound });
+            search.offer(piece.branch, &piece.b);
+            if piece.rates {
+                let middle = search.split(&piece);
+                self.divide(&mut search, &mut heap, &piece, &[middle]);
+            } else {
+                let elbow = usize::from(signs(piece.branch)[1] < 0 && !self.arm.inner.geometry.aligned);
+                let cuts = rate_cuts[elbow].get_or_insert_with(|| {
+                    let mut cuts = Vec::with_capacity(32);
+                    for joint in sphericals(&self.arm.inner.geometry, &self.circle, [1.0, -1.0][elbow]) {
+                        joint.push_rate_cuts(&mut cuts);
+                    }
+                    sorted_twice(cuts)
+                });
+                let first = cuts.partition_point(|s| *s <= piece.a.s);
+                let last = cuts.partition_point(|s| *s < piece.b.s);
+                self.divide(&mut search, &mut heap, &piece, &cuts[first..last.max(first)]);
             }
         }
         search.polish();
         search.best
     }
 
-    /// Calls `visit` for the monotone pieces of every branch inside its feasible arcs.
+    /// Replaces a piece by those between the cuts, which lie inside of it.
+    fn divide(&self, search: &mut Search<'_>, heap: &mut BinaryHeap<Piece>, piece: &Piece, cuts: &[f64]) {
+        let mut a = piece.a;
+        for s in cuts.iter().copied().chain([piece.b.s]) {
+            if s <= a.s {
+                return;
+            }
+            let mut b = piece.b;
+            if s < piece.b.s {
+                b = self.sample(piece.branch, &self.node(piece.branch, s));
+                for i in 0..7 {
+                    // The joint is monotone on the piece: its value lies between those at the ends.
+                    b.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - b.q[i]);
+                }
+                search.offer(piece.branch, &b);
+            }
+            let bound = search.bound(&a, &b).max(piece.bound);
+            heap.push(Piece { branch: piece.branch, a, b, bound, rates: true });
+            a = b;
+        }
+    }
+
+    /// Calls `visit` for the pieces of every branch inside its feasible arcs on which all joints are monotone, and for
+    /// touching points (with equal ends).
     fn for_each_piece(&self, mut visit: impl FnMut(usize, Sample, Sample)) {
         let aligned = self.arm.inner.geometry.aligned;
-        let mut nodes: [Vec<Node>; 2] = [Vec::new(), Vec::new()];
-        for (e, elbow) in [1.0, -1.0].into_iter().enumerate() {
-            if e == 0 || !aligned {
-                let mut cuts: Vec<f64> = self.arcs().cuts().to_vec();
-                for joint in sphericals(&self.arm.inner.geometry, &self.circle, elbow) {
-                    joint.push_monotone_cuts(&mut cuts);
-                }
-                // No joint turns by more than pi on a piece.
+        let nodes = [1.0, -1.0].map(|elbow| {
+            if elbow < 0.0 && aligned {
+                return Vec::new();
+            }
+            let mut cuts = Vec::with_capacity(32);
+            for joint in sphericals(&self.arm.inner.geometry, &self.circle, elbow) {
+                joint.push_monotone_cuts(&mut cuts);
+            }
+            if cuts.len() < 2 {
+                // Nothing but steady turns: keep the pieces below half a turn.
                 cuts.extend([-PI, -FRAC_PI_2, 0.0, FRAC_PI_2]);
-                cuts.sort_unstable_by(f64::total_cmp);
-                cuts.dedup();
-                nodes[e] = cuts.into_iter().map(|s| self.elbow_node(elbow, s)).collect();
-                let Some(first) = nodes[e].first().copied() else { continue };
-                nodes[e].push(Node { s: first.s + TAU, ..first });
             }
-        }
+            let cuts = sorted_twice(cuts);
+            let mut nodes: Vec<Node> =
+                cuts[..cuts.len() / 2].iter().map(|s| self.elbow_node(elbow, *s)).collect();
+            nodes.extend_from_within(..);
+            let half = nodes.len() / 2;
+            nodes[half..].iter_mut().for_each(|n| n.s += TAU);
+            nodes
+        });
         for branch in self.branch_indices() {
-            let row = &nodes[if aligned { 0 } else { usize::from(signs(branch)[1] < 0) }];
-            for pair in row.windows(2) {
-                let (a, b) = (&pair[0], &pair[1]);
-                if b.s - a.s > 0.0 && self.arcs().holds(branch, 0.5 * (a.s + b.s)) {
-                    let (start, mut end) = (self.sample(branch, a), self.sample(branch, b));
-                    for i in 0..7 {
-                        end.q[i] = unwound(start.q[i], end.q[i], start.rate[i] + end.rate[i]);
-                    }
-                    visit(branch, start, end);
+            let nodes = &nodes[usize::from(signs(branch)[1] < 0 && !aligned)];
+            self.arcs().for_each(branch, |lo, hi| {
+                let mut a = self.sample(branch, &self.node(branch, lo));
+                let first = nodes.partition_point(|n| n.s <= lo);
+                for node in nodes[first..].iter().take_while(|n| n.s < hi) {
+                    let b = follow(&a, self.sample(branch, node));
+                    visit(branch, a, b);
+                    a = b;
                 }
-            }
+                let b = follow(&a, self.sample(branch, &self.node(branch, hi)));
+                visit(branch, a, b);
+            });
         }
     }
 
@@ -255,6 +274,9 @@ impl SelfMotion {
         self.for_each_piece(|branch, a, b| pieces.push((branch, a.s, b.s)));
         for (branch, a, b) in pieces {
             let (fa, fb) = (probe(branch, a), probe(branch, b));
+            if a == b {
+                continue;
+            }
             let mut stack = vec![(a, fa, b, fb, 0)];
             while let Some((a, fa, b, fb, depth)) = stack.pop() {
                 let (m, h) = (0.5 * (a + b), b - a);
@@ -278,11 +300,6 @@ impl SelfMotion {
                         }
                     }
                 }
-            }
-        }
-        for branch in self.branch_indices() {
-            for s in self.arcs().of(branch).into_iter().filter(|[lo, hi]| lo == hi).map(|[lo, _]| lo) {
-                probe(branch, s);
             }
         }
         best
@@ -333,7 +350,7 @@ impl Search<'_> {
             .map(|i| {
                 let JointSpring { weight, center } = self.springs[i];
                 let off = sample.q[i] - center;
-                weight * (off - TAU * (off / TAU).round()) * sample.rate[i]
+                weight * (off - TAU * turns(off)) * sample.rate[i]
             })
             .sum()
     }
@@ -345,51 +362,54 @@ impl Search<'_> {
         piece.a.s + fraction * (piece.b.s - piece.a.s)
     }
 
-    /// A lower bound of the criterion between two samples of one piece.
-    fn bound(&self, a: &Sample, b: &Sample) -> f64 {
+    /// A lower bound between two samples of a piece from the ranges of the joints, the windings (as angles to add) that
+    /// attain it, and whether no other windings come into question.
+    fn range_bound(&self, a: &Sample, b: &Sample) -> (f64, [f64; 7], bool) {
         let inner = &self.motion.arm.inner;
-        let mut by_range = 0.0;
-        let mut slope = [0.0, 0.0];
-        let mut at_ends = [0.0, 0.0];
-        let mut one_winding = true;
+        let (mut bound, mut shifts, mut unique) = (0.0, [0.0; 7], true);
         for i in 0..7 {
             let JointSpring { weight, center } = self.springs[i];
-            if weight == 0.0 {
-                continue;
-            }
             let (low, high) = if a.q[i] <= b.q[i] { (a.q[i], b.q[i]) } else { (b.q[i], a.q[i]) };
-            let (lower, upper) = (inner.lower[i], inner.upper[i]);
-            let span = nearest_span(low, high, center, lower, upper);
-            let distance = span.distance;
-            by_range += 0.5 * weight * distance * distance;
-            one_winding &= span.unique;
-            // With the winding fixed: the derivative w (q - c) q' as a product of two intervals.
-            let (q0, q1) = (low + span.shift - center, high + span.shift - center);
-            let (r0, r1) = (a.rate[i].min(b.rate[i]), a.rate[i].max(b.rate[i]));
-            let products = [q0 * r0, q0 * r1, q1 * r0, q1 * r1];
-            slope[0] += weight * products.iter().copied().fold(f64::INFINITY, f64::min);
-            slope[1] += weight * products.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            at_ends[0] += 0.5 * weight * (a.q[i] + span.shift - center).powi(2);
-            at_ends[1] += 0.5 * weight * (b.q[i] + span.shift - center).powi(2);
+            let span = nearest_span(low, high, center, inner.lower[i], inner.upper[i]);
+            bound += 0.5 * weight * span.distance * span.distance;
+            shifts[i] = span.shift;
+            unique &= span.unique || weight == 0.0;
         }
-        if !one_winding {
+        (bound, shifts, unique)
+    }
+
+    /// A lower bound between two samples of a piece whose rates are monotone.
+    fn bound(&self, a: &Sample, b: &Sample) -> f64 {
+        let (by_range, shifts, unique) = self.range_bound(a, b);
+        if !unique {
             return by_range;
         }
-        if slope[0] >= 0.0 || slope[1] <= 0.0 {
-            // Monotone: the minimum is at an end, which has been offered.
-            return at_ends[0].min(at_ends[1]).max(by_range);
+        // With the windings fixed: the derivative is a sum of products of two intervals, w (q - c) and q'.
+        let (mut slope, mut ends) = ([0.0, 0.0], [0.0, 0.0]);
+        for i in 0..7 {
+            let JointSpring { weight, center } = self.springs[i];
+            let (qa, qb) = (a.q[i] + shifts[i] - center, b.q[i] + shifts[i] - center);
+            let products = [qa * a.rate[i], qa * b.rate[i], qb * a.rate[i], qb * b.rate[i]];
+            slope[0] += weight * products[0].min(products[1]).min(products[2].min(products[3]));
+            slope[1] += weight * products[0].max(products[1]).max(products[2].max(products[3]));
+            ends[0] += 0.5 * weight * qa * qa;
+            ends[1] += 0.5 * weight * qb * qb;
         }
-        // Lines of least and greatest slope from both ends meet below the function.
+        let ([fa, fb], [d0, d1]) = (ends, slope);
+        if d0 >= 0.0 || d1 <= 0.0 {
+            // Monotone: the minimum is at an end, which has been offered.
+            return fa.min(fb).max(by_range);
+        }
+        // The line of least slope from a and that of greatest slope to b meet below the function.
         let h = b.s - a.s;
-        let ([fa, fb], [d0, d1]) = (at_ends, slope);
         let x = ((fa - fb + d1 * h) / (d1 - d0)).clamp(0.0, h);
-        by_range.max((fa + d0 * x).min(fb - d1 * (h - x)).min(fa).min(fb))
+        by_range.max((fa + d0 * x).min(fb - d1 * (h - x)))
     }
 }
 
 /// The winding of `q` within the limits that is nearest to `center`.
 fn nearest_winding(q: f64, center: f64, lower: f64, upper: f64) -> Option<f64> {
-    within(q + TAU * ((center - q) / TAU).round(), lower, upper)
+    within(q + TAU * turns(center - q), lower, upper)
 }
 
 struct Span {
@@ -403,32 +423,52 @@ struct Span {
 
 /// Windings of `[low, high]` against the limits: which is nearest to `center`, and is it the only candidate.
 fn nearest_span(low: f64, high: f64, center: f64, lower: f64, upper: f64) -> Span {
-    const SLACK: f64 = 1e-9;
-    let middle = 0.5 * (low + high);
-    let main = ((center - middle) / TAU).round();
-    let mut best = Span { distance: f64::INFINITY, shift: main * TAU, unique: true };
-    let mut candidates = 0;
-    for k in [main - 1.0, main, main + 1.0] {
-        let shift = k * TAU;
-        let (a, b) = ((low + shift).max(lower), (high + shift).min(upper));
-        if a > b + SLACK {
-            continue;
-        }
-        candidates += 1;
-        let distance = (a - center).max(center - b).max(0.0);
-        if distance < best.distance {
-            best = Span { distance, shift, unique: true };
+    let distance = |shift: f64, a: f64, b: f64| (a + shift - center).max(center - b - shift).max(0.0);
+    let main = turns(center - 0.5 * (low + high));
+    let shift = TAU * main;
+    let (a, b) = (low + shift, high + shift);
+    // Nearer to the centre than any other winding, everywhere, and within the limits: the common case.
+    if a >= lower && b <= upper && a >= center - PI && b <= center + PI {
+        return Span { distance: distance(shift, low, high), shift, unique: true };
+    }
+    // Windings of which some part is within the limits.
+    let first = ((lower - high - UNWIND_ROUNDING) / TAU).ceil();
+    let last = ((upper - low + UNWIND_ROUNDING) / TAU).floor();
+    let nearest = main.max(first).min(last);
+    let clipped = |k: f64| distance(0.0, (low + TAU * k).max(lower), (high + TAU * k).min(upper));
+    let mut best = Span { distance: clipped(nearest), shift: TAU * nearest, unique: true };
+    for k in [nearest - 1.0, nearest + 1.0] {
+        if k >= first && k <= last {
+            best.unique = false;
+            best.distance = best.distance.min(clipped(k));
         }
     }
-    if candidates == 0 {
-        // The limits lie further away: the winding that holds them, whatever its distance.
-        let k = if middle < lower { ((lower - high) / TAU).ceil() } else { ((upper - low) / TAU).floor() };
-        let shift = k * TAU;
-        let (a, b) = ((low + shift).max(lower), (high + shift).min(upper));
-        return Span { distance: (a - center).max(center - b).max(0.0), shift, unique: true };
-    }
-    best.unique = candidates == 1;
     best
+}
+
+/// Sorted, without repeats, and once more a turn further on: arcs that cross pi find their cuts in one run.
+fn sorted_twice(mut cuts: Vec<f64>) -> Vec<f64> {
+    cuts.sort_unstable_by(f64::total_cmp);
+    cuts.dedup();
+    let n = cuts.len();
+    cuts.extend_from_within(..);
+    cuts[n..].iter_mut().for_each(|s| *s += TAU);
+    cuts
+}
+
+/// The number of whole turns nearest to an angle (of moderate size).
+#[inline(always)]
+fn turns(angle: f64) -> f64 {
+    let x = angle / TAU;
+    (x + 0.5_f64.copysign(x)) as i32 as f64
+}
+
+/// `b` with the windings that monotone joints reach from `a`.
+fn follow(a: &Sample, mut b: Sample) -> Sample {
+    for i in 0..7 {
+        b.q[i] = unwound(a.q[i], b.q[i], a.rate[i] + b.rate[i]);
+    }
+    b
 }
 
 /// `end` with the winding that a monotone joint reaches from `start` when its rate has the sign of `direction`.

@@ -84,42 +84,53 @@ impl Spherical {
         })
     }
 
-    /// Adds the swivels at which an angle or its rate stops being monotone.
+    /// Adds the swivels, in `(-pi, pi]`, at which an angle stops being monotone.
     ///
     /// With `x = cos(middle)`, `p, r` the turn axis along the first and the third axis: `a' = (p - r x)/(1 - x^2)`,
     /// `c' = (r - p x)/(1 - x^2)`, `b' = -x'/sqrt(1 - x^2)`.
     pub fn push_monotone_cuts(&self, out: &mut Vec<f64>) {
-        let [c0, c1, c2] = self.middle.0;
-        let amplitude = c1.hypot(c2);
-        if self.locked || amplitude <= SINUSOID_FLAT {
-            return;
-        }
-        // Extrema of the middle angle.
-        let s1 = c2.atan2(c1);
-        out.extend([s1, wrapped(s1 + PI)]);
-        // Zeros of a' and c', and zeros of their derivatives with respect to x: -r + 2 p x - r x^2, -p + 2 r x - p x^2.
-        let (p, r) = (self.turn_first, self.turn_third);
-        for (p, r) in [(p, r), (r, p)] {
-            let discriminant = p * p - r * r;
-            let root = discriminant.max(0.0).sqrt();
-            let at = if discriminant > 0.0 { [p / r, (p - root) / r, (p + root) / r] } else { [p / r; 3] };
-            for x in at.iter().enumerate().filter(|(i, x)| (*i == 0 || discriminant > 0.0) && x.abs() <= 1.0)
-            {
-                out.extend(self.middle.meets(*x.1).into_iter().flatten());
+        if let Some((s1, _)) = self.crest() {
+            let (p, r) = (self.turn_first, self.turn_third);
+            out.extend([s1, wrapped(s1 + PI)]);
+            for x in [p / r, r / p] {
+                if x.abs() <= 1.0 {
+                    out.extend(self.middle.meets(x).into_iter().flatten());
+                }
             }
         }
+    }
+
+    /// Adds the swivels, in `(-pi, pi]`, at which the rate of an angle stops being monotone, beyond those of
+    /// [`Spherical::push_monotone_cuts`].
+    pub fn push_rate_cuts(&self, out: &mut Vec<f64>) {
+        let Some((s1, amplitude)) = self.crest() else { return };
+        // d(a')/dx = 0 where r - 2 p x + r x^2 = 0, real for |p| > |r|; d(c')/dx with p and r exchanged.
+        let (p, r) = (self.turn_first, self.turn_third);
+        let (p, r) = if p.abs() > r.abs() { (p, r) } else { (r, p) };
+        // The root within [-1, 1], without cancellation.
+        let x = r / (p + ((p - r) * (p + r)).max(0.0).sqrt().copysign(p));
+        if x.abs() <= 1.0 {
+            out.extend(self.middle.meets(x).into_iter().flatten());
+        }
         // Extrema of b': with c = cos(s - s1), x = A + B c: A B c^2 + (A^2 + B^2 - 1) c + A B = 0.
-        let (ab, k) = (c0 * amplitude, 1.0 - c0 * c0 - amplitude * amplitude);
+        let a = self.middle.0[0];
+        let (ab, k) = (a * amplitude, 1.0 - a * a - amplitude * amplitude);
         let discriminant = k * k - 4.0 * ab * ab;
         if discriminant >= 0.0 {
-            // The root within [-1, 1], without cancellation; 0 where the product vanishes.
-            let denominator = k + k.signum() * discriminant.sqrt();
+            let denominator = k + discriminant.sqrt().copysign(k);
             let c = if denominator == 0.0 { 0.0 } else { 2.0 * ab / denominator };
             if c.abs() <= 1.0 {
                 let angle = c.acos();
                 out.extend([wrapped(s1 + angle), wrapped(s1 - angle)]);
             }
         }
+    }
+
+    /// Swivel at which the cosine of the middle angle is greatest, and its amplitude; `None` where it is constant.
+    fn crest(&self) -> Option<(f64, f64)> {
+        let [_, c1, c2] = self.middle.0;
+        let amplitude = c1.hypot(c2);
+        (!self.locked && amplitude > SINUSOID_FLAT).then(|| (c2.atan2(c1), amplitude))
     }
 }
 

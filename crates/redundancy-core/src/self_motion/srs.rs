@@ -22,7 +22,6 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 use wide::f64x4;
 
 use super::chart::{Chart, zero_direction};
@@ -31,7 +30,7 @@ use super::geometry::{Defect, Geometry, wrapped};
 use super::intervals::{Bound, bounds};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
-use crate::pose::{Pose, check_pose, pose_from_row_major};
+use crate::pose::{Pose, check_pose};
 use crate::status::Status;
 use crate::tolerance::{GIMBAL_SINE, LIMIT_SLACK, REACH_ROUNDING};
 
@@ -463,57 +462,6 @@ impl SrsArm {
             out[i] = within(q[i], self.inner.lower[i], self.inner.upper[i])?;
         }
         Some(out)
-    }
-
-    /// Many poses (`N * 16` numbers, row-major matrices) with one swivel each, or one for all.
-    ///
-    /// Writes `N * 8 * 7` joint values in branch order to `q` and `N * 8` flags to `valid`; rows that are not valid are
-    /// finite but meaningless. Spread over rayon's current pool, the same bits whatever the number of threads.
-    ///
-    /// # Errors
-    /// Wrong lengths, a pose that is not rigid or finite (the message gives its index), a swivel that is not finite.
-    pub fn solve_batch(
-        &self,
-        poses: &[f64],
-        swivels: &[f64],
-        limits: bool,
-        q: &mut [f64],
-        valid: &mut [bool],
-    ) -> Result<()> {
-        let n = poses.len() / 16;
-        let lengths = [
-            ("poses", poses.len(), n * 16),
-            ("swivels", swivels.len(), if swivels.len() == 1 { 1 } else { n }),
-            ("q", q.len(), n * 56),
-            ("valid", valid.len(), n * 8),
-        ];
-        for (what, actual, expected) in lengths {
-            if actual != expected {
-                return Err(Error::Length { what: what.into(), expected, actual });
-            }
-        }
-        let (rows, _) = q.as_chunks_mut::<56>();
-        let (valid, _) = valid.as_chunks_mut::<8>();
-        let (poses, _) = poses.as_chunks::<16>();
-        rows.par_iter_mut()
-            .zip(valid.par_iter_mut())
-            .zip(poses.par_iter())
-            .enumerate()
-            .with_min_len(64)
-            .try_for_each(|(i, ((rows, valid), pose))| {
-                let at = |error: Error| Error::Invalid(format!("pose {i}: {error}"));
-                let pose = pose_from_row_major(pose).map_err(at)?;
-                let swivel = if swivels.len() == 1 { swivels[0] } else { swivels[i] };
-                let u = Swivel::Angle(swivel).direction().map_err(at)?;
-                let (rows, _) = rows.as_chunks_mut::<7>();
-                let mut out = [[0.0; 7]; 8];
-                let mask = self.solve_into(&pose, u, limits, &mut out);
-                for (branch, (row, valid)) in rows.iter_mut().zip(valid.iter_mut()).enumerate() {
-                    *row = out[branch];
-                    *valid = mask & (1 << branch) != 0;
-                }
-                Ok(())
-            })
     }
 
     /// Everything over `pose` that does not depend on the swivel, as an object.

@@ -1,0 +1,177 @@
+//! Criteria: what to do with the freedom.
+
+use std::sync::Arc;
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
+use redundancy_core::nalgebra::DMatrix;
+
+use crate::chain::PyChain;
+use crate::convert::{new_array, read_rows, read_vector, to_array, writable};
+use crate::error::to_py;
+
+/// A scalar function of the configuration. Sums and multiples of criteria are criteria.
+#[pyclass(name = "Criterion", module = "redundancy", frozen, subclass)]
+pub struct PyCriterion {
+    pub criterion: Arc<dyn Criterion>,
+    /// Class and arguments that make it again.
+    recipe: Py<PyTuple>,
+    text: String,
+}
+
+impl PyCriterion {
+    fn new(criterion: Arc<dyn Criterion>, recipe: Bound<'_, PyTuple>, text: String) -> Self {
+        Self { criterion, recipe: recipe.unbind(), text }
+    }
+
+    /// Calls `one` for each row of `q` and collects `width` numbers from each.
+    fn rows<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        width: usize,
+        one: impl Fn(&[f64], &mut [f64]),
+    ) -> PyResult<(Vec<f64>, Option<usize>)> {
+        let n = self.criterion.dof();
+        let rows = read_rows(q, "q", &[n])?;
+        let values = rows.as_slice()?;
+        let mut out = vec![0.0; values.len() / n.max(1) * width];
+        for (q, out) in values.chunks_exact(n).zip(out.chunks_exact_mut(width)) {
+            self.criterion.check(q).map_err(to_py)?;
+            one(q, out);
+        }
+        Ok((out, rows.batch))
+    }
+}
+
+#[pymethods]
+impl PyCriterion {
+    /// Number of joints.
+    #[getter]
+    fn dof(&self) -> usize {
+        self.criterion.dof()
+    }
+
+    /// `"minimize"` or `"maximize"`.
+    #[getter]
+    fn sense(&self) -> &'static str {
+        self.criterion.sense().as_str()
+    }
+
+    /// h(q) for `(n,)` or `(N, n)`.
+    fn value<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let (out, batch) = self.rows(q, 1, |q, out| out[0] = self.criterion.value(q))?;
+        match batch {
+            None => Ok(out[0].into_pyobject(py)?.into_any()),
+            Some(_) => Ok(PyArray1::from_vec(py, out).into_any()),
+        }
+    }
+
+    /// dh/dq, `(n,)` or `(N, n)`.
+    fn gradient<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.criterion.dof();
+        let (out, batch) = self.rows(q, n, |q, out| self.criterion.gradient(q, out))?;
+        match batch {
+            None => Ok(PyArray1::from_vec(py, out).into_any()),
+            Some(rows) => Ok(to_array(py, &out, [rows, n])?.into_any()),
+        }
+    }
+
+    /// d2h/dq2, `(n, n)` or `(N, n, n)`.
+    fn hessian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.criterion.dof();
+        let (out, batch) = self.rows(q, n * n, |q, out| {
+            let mut hessian = DMatrix::zeros(n, n);
+            self.criterion.hessian(q, &mut hessian);
+            // Symmetric, so the order of storage does not matter.
+            out.copy_from_slice(hessian.as_slice());
+        })?;
+        match batch {
+            None => Ok(to_array(py, &out, [n, n])?.into_any()),
+            Some(rows) => {
+                let array = new_array(py, [rows, n, n]);
+                writable(&array)?.copy_from_slice(&out);
+                Ok(array.into_any())
+            }
+        }
+    }
+
+    fn __add__<'py>(this: &Bound<'py, Self>, other: &Bound<'py, Self>) -> PyResult<Bound<'py, Self>> {
+        let (a, b) = (this.get(), other.get());
+        let sum = Weighted::sum(a.criterion.clone(), b.criterion.clone()).map_err(to_py)?;
+        let add = this.py().import("operator")?.getattr("add")?;
+        let recipe = PyTuple::new(this.py(), [add, PyTuple::new(this.py(), [this, other])?.into_any()])?;
+        Bound::new(this.py(), Self::new(Arc::new(sum), recipe, format!("{} + {}", a.text, b.text)))
+    }
+
+    fn __mul__<'py>(this: &Bound<'py, Self>, factor: f64) -> PyResult<Bound<'py, Self>> {
+        let a = this.get();
+        let multiple = Weighted::multiple(factor, a.criterion.clone()).map_err(to_py)?;
+        let py = this.py();
+        let arguments = PyTuple::new(py, [this.clone().into_any(), factor.into_pyobject(py)?.into_any()])?;
+        let recipe = PyTuple::new(py, [py.import("operator")?.getattr("mul")?, arguments.into_any()])?;
+        Bound::new(py, Self::new(Arc::new(multiple), recipe, format!("{factor} * ({})", a.text)))
+    }
+
+    fn __rmul__<'py>(this: &Bound<'py, Self>, factor: f64) -> PyResult<Bound<'py, Self>> {
+        Self::__mul__(this, factor)
+    }
+
+    fn __neg__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, Self>> {
+        Self::__mul__(this, -1.0)
+    }
+
+    fn __reduce__(&self, py: Python<'_>) -> Py<PyTuple> {
+        self.recipe.clone_ref(py)
+    }
+
+    fn __repr__(&self) -> &str {
+        &self.text
+    }
+}
+
+/// Distance from the middle of the joint ranges (Bettini, De Luca, Oriolo, eq. 6), to minimise.
+#[pyclass(name = "JointRange", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyJointRange;
+
+#[pymethods]
+impl PyJointRange {
+    #[new]
+    fn new(chain: &Bound<'_, PyChain>) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let criterion = JointRange::new(&chain.get().chain);
+        let arguments = PyTuple::new(py, [chain])?.into_any();
+        let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;
+        let text = format!("JointRange({})", chain.get().chain.name());
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// Squared distance from a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
+#[pyclass(name = "Posture", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyPosture;
+
+#[pymethods]
+impl PyPosture {
+    #[new]
+    #[pyo3(signature = (chain, q_ref, weights=None))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        q_ref: &Bound<'_, PyAny>,
+        weights: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let n = chain.get().chain.dof();
+        let reference = read_vector(q_ref, "q_ref", Some(n))?;
+        let weights = match weights {
+            Some(weights) => read_vector(weights, "weights", Some(n))?,
+            None => vec![1.0; n],
+        };
+        let criterion = Posture::weighted(&reference, &weights).map_err(to_py)?;
+        let text = format!("Posture({}, q_ref={reference:?})", chain.get().chain.name());
+        let arguments = (chain, reference, weights).into_pyobject(py)?.into_any();
+        let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}

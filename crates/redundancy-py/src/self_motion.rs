@@ -1,0 +1,601 @@
+//! `SrsArm`, `SelfMotion`, `Branch`: the closed form and the circle of solutions.
+
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use redundancy_core::Error;
+use redundancy_core::nalgebra::Vector3;
+use redundancy_core::self_motion::{Chart, Choice, SelfMotion, SrsArm, Swivel};
+
+use crate::batch::in_blocks;
+use crate::chain::PyChain;
+use crate::convert::{
+    new_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array, writable,
+};
+use crate::criterion::PyCriterion;
+use crate::error::to_py;
+use crate::status::status_to_py;
+
+/// Poses between two looks at Ctrl-C: some milliseconds.
+const BLOCK: usize = 16_384;
+/// The same for searches.
+const SEARCH_BLOCK: usize = 512;
+
+/// A spherical-revolute-spherical arm with its closed-form inverse kinematics.
+#[pyclass(name = "SrsArm", module = "redundancy", frozen)]
+pub struct PySrsArm {
+    pub arm: SrsArm,
+    chain: Py<PyChain>,
+    chart: String,
+    reference: Option<[f64; 3]>,
+}
+
+#[pymethods]
+impl PySrsArm {
+    #[new]
+    #[pyo3(signature = (chain, chart="shortest_arc", reference=None))]
+    fn new(chain: &Bound<'_, PyChain>, chart: &str, reference: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let reference = reference.map(|r| read_array::<3>(r, "reference")).transpose()?;
+        let direction = reference.map(Vector3::from);
+        let kind = match chart {
+            "shortest_arc" => Chart::ShortestArc(direction),
+            "stereographic" => Chart::Stereographic(direction),
+            other => {
+                let valid = vec!["shortest_arc".into(), "stereographic".into()];
+                return Err(to_py(Error::UnknownName { kind: "chart", name: other.into(), valid }));
+            }
+        };
+        let arm = SrsArm::with_chart(&chain.get().chain, kind).map_err(to_py)?;
+        Ok(Self { arm, chain: chain.clone().unbind(), chart: chart.into(), reference })
+    }
+
+    /// The chain that was recognised.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
+    /// How far the arm is from an ideal S-R-S arm: (metres, radians).
+    #[getter]
+    fn defect(&self) -> (f64, f64) {
+        let defect = self.arm.defect();
+        (defect.position, defect.orientation)
+    }
+
+    /// Lengths of upper arm and forearm, m.
+    #[getter]
+    fn lengths(&self) -> (f64, f64) {
+        let [upper, fore] = self.arm.lengths();
+        (upper, fore)
+    }
+
+    /// Centre of the shoulder in the world, m.
+    #[getter]
+    fn shoulder<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.arm.shoulder().as_slice())
+    }
+
+    /// Name of the chart.
+    #[getter]
+    fn chart(&self) -> &str {
+        &self.chart
+    }
+
+    /// Configurations over a pose at a swivel.
+    #[pyo3(signature = (pose, swivel, limits=true))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        swivel: &Bound<'py, PyAny>,
+        limits: bool,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.arm.solve(&read_pose(pose)?, read_swivel(swivel)?, limits).map_err(to_py)?;
+        to_array(py, rows.as_flattened(), [rows.len(), 7])
+    }
+
+    /// All branches over many poses.
+    #[pyo3(signature = (poses, swivels, limits=true, out=None, *, threads=None))]
+    fn solve_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        swivels: &Bound<'py, PyAny>,
+        limits: bool,
+        out: Option<&Bound<'py, PyAny>>,
+        threads: Option<usize>,
+    ) -> PyResult<PySolveBatch> {
+        let poses = Batch::read(poses)?;
+        let n = poses.len();
+        let swivels = read_swivels(swivels, n)?;
+        let (q, valid) = match out {
+            None => (
+                new_array::<f64, 3>(py, [n, 8, 7]).to_dyn().clone(),
+                new_array::<bool, 2>(py, [n, 8]).to_dyn().clone(),
+            ),
+            Some(out) => {
+                let (q, valid): (Bound<'py, PyAny>, Bound<'py, PyAny>) = match out.cast::<PySolveBatch>() {
+                    Ok(batch) => (
+                        batch.get().q.bind(py).clone().into_any(),
+                        batch.get().valid.bind(py).clone().into_any(),
+                    ),
+                    Err(_) => out.extract().map_err(|_| {
+                        to_py(Error::Invalid(
+                            "out must be a pair (q, valid) of arrays or an earlier result".into(),
+                        ))
+                    })?,
+                };
+                (output(&q, "out q", &[n, 8, 7])?, output(&valid, "out valid", &[n, 8])?)
+            }
+        };
+        {
+            let (mut q, mut valid) = (q.try_readwrite()?, valid.try_readwrite()?);
+            let (q, valid) = (q.as_slice_mut()?, valid.as_slice_mut()?);
+            let data = poses.as_slice()?;
+            in_blocks(py, n, BLOCK, threads, |r| {
+                let swivels = if swivels.len() == 1 { &swivels[..] } else { &swivels[r.start..r.end] };
+                let (q, valid) = (&mut q[r.start * 56..r.end * 56], &mut valid[r.start * 8..r.end * 8]);
+                self.arm.solve_batch(&data[r.start * 16..r.end * 16], swivels, limits, q, valid)
+            })?;
+        }
+        Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
+    }
+
+    /// Feasible intervals of all branches over many poses.
+    #[pyo3(signature = (poses, margin=0.0, *, threads=None))]
+    fn intervals_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        margin: f64,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let poses = Batch::read(poses)?;
+        let (mut owner, mut bounds): (Vec<i64>, Vec<f64>) = (Vec::new(), Vec::new());
+        let data = poses.as_slice()?;
+        in_blocks(py, poses.len(), SEARCH_BLOCK * 8, threads, |r| {
+            for row in self.arm.intervals_batch(&data[r.start * 16..r.end * 16], margin)? {
+                owner.extend([(row.pose + r.start) as i64, row.branch as i64]);
+                bounds.extend(row.interval);
+            }
+            Ok(())
+        })?;
+        let m = bounds.len() / 2;
+        PyTuple::new(
+            py,
+            [to_array(py, &owner, [m, 2])?.into_any(), to_array(py, &bounds, [m, 2])?.into_any()],
+        )
+    }
+
+    /// The best configuration over each of many poses.
+    #[pyo3(signature = (poses, criterion, *, threads=None))]
+    fn best_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        criterion: &Bound<'py, PyCriterion>,
+        threads: Option<usize>,
+    ) -> PyResult<PyChoiceBatch> {
+        let poses = Batch::read(poses)?;
+        let criterion = &*criterion.get().criterion;
+        let mut rows = Vec::with_capacity(poses.len());
+        let data = poses.as_slice()?;
+        in_blocks(py, poses.len(), SEARCH_BLOCK, threads, |r| {
+            rows.extend(self.arm.best_batch(&data[r.start * 16..r.end * 16], criterion)?);
+            Ok(())
+        })?;
+        PyChoiceBatch::new(py, &rows)
+    }
+
+    /// The configuration over the pose nearest to `q`.
+    #[pyo3(signature = (pose, q, *, threads=None))]
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let poses = read_poses(pose)?;
+        if poses.batch.is_some() {
+            let batch = Py::new(py, self.nearest_batch(py, pose, q, threads)?)?;
+            return Ok(Some(batch.into_bound(py).into_any()));
+        }
+        let q = read_vector(q, "q", Some(7))?;
+        let motion = self.arm.self_motion(&read_pose(pose)?).map_err(to_py)?;
+        let choice = motion.nearest(&q).map_err(to_py)?;
+        Ok(choice.map(|c| PyArray1::from_slice(py, &c.q).into_any()))
+    }
+
+    /// The configuration nearest to `q` over each of many poses.
+    #[pyo3(signature = (poses, q, *, threads=None))]
+    fn nearest_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<PyChoiceBatch> {
+        let poses = Batch::read(poses)?;
+        let wish = read_rows(q, "q", &[7])?;
+        if wish.batch.is_some_and(|m| m != poses.len()) {
+            let actual = wish.batch.unwrap_or(1);
+            return Err(to_py(Error::Length { what: "rows of q".into(), expected: poses.len(), actual }));
+        }
+        let (data, single) = (poses.as_slice()?, wish.batch.is_none());
+        let wish = wish.as_slice()?;
+        let mut rows = Vec::with_capacity(poses.len());
+        in_blocks(py, poses.len(), SEARCH_BLOCK, threads, |r| {
+            let wish = if single { wish } else { &wish[r.start * 7..r.end * 7] };
+            rows.extend(self.arm.nearest_batch(&data[r.start * 16..r.end * 16], wish)?);
+            Ok(())
+        })?;
+        PyChoiceBatch::new(py, &rows)
+    }
+
+    /// Swivel angle of a configuration.
+    fn swivel<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let rows = read_rows(q, "q", &[7])?;
+        let values: Vec<f64> = rows
+            .as_slice()?
+            .chunks_exact(7)
+            .map(|q| self.arm.swivel(q))
+            .collect::<Result<_, _>>()
+            .map_err(to_py)?;
+        match rows.batch {
+            None => Ok(values[0].into_pyobject(py)?.into_any()),
+            Some(_) => Ok(PyArray1::from_vec(py, values).into_any()),
+        }
+    }
+
+    /// Signs (shoulder, elbow, wrist) of a configuration.
+    fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let rows = read_rows(q, "q", &[7])?;
+        let signs: Vec<[i8; 3]> = rows
+            .as_slice()?
+            .chunks_exact(7)
+            .map(|q| self.arm.branch(q))
+            .collect::<Result<_, _>>()
+            .map_err(to_py)?;
+        match rows.batch {
+            None => Ok(PyTuple::new(py, signs[0])?.into_any()),
+            Some(n) => Ok(to_array(py, signs.as_flattened(), [n, 3])?.into_any()),
+        }
+    }
+
+    /// Every configuration over a pose, as an object.
+    fn self_motion(&self, pose: &Bound<'_, PyAny>) -> PyResult<PySelfMotion> {
+        let motion = self.arm.self_motion(&read_pose(pose)?).map_err(to_py)?;
+        Ok(PySelfMotion { motion: Arc::new(motion) })
+    }
+
+    /// What to add to a swivel of this chart to have that of another arm's chart at the same pose.
+    fn chart_change(&self, other: &Bound<'_, Self>, pose: &Bound<'_, PyAny>) -> PyResult<f64> {
+        self.arm.chart_change(&other.get().arm, &read_pose(pose)?).map_err(to_py)
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let arm = this.get();
+        let arguments =
+            (arm.chain.clone_ref(this.py()), arm.chart.as_str(), arm.reference.map(|r| r.to_vec()));
+        (this.get_type(), arguments).into_pyobject(this.py())
+    }
+
+    fn __repr__(&self) -> String {
+        let (upper, fore) = self.lengths();
+        let defect = self.arm.defect();
+        format!(
+            "SrsArm('{}', upper arm {upper:.6} m, forearm {fore:.6} m, chart '{}', defect {:.1e} m {:.1e} rad)",
+            self.arm.chain().name(),
+            self.chart,
+            defect.position,
+            defect.orientation
+        )
+    }
+}
+
+/// Poses `(N, 4, 4)`; a single pose counts as N = 1.
+struct Batch<'py>(crate::convert::Rows<'py>);
+
+impl<'py> Batch<'py> {
+    fn read(poses: &Bound<'py, PyAny>) -> PyResult<Self> {
+        read_poses(poses).map(Self)
+    }
+
+    fn len(&self) -> usize {
+        self.0.batch.unwrap_or(1)
+    }
+
+    fn as_slice(&self) -> PyResult<&[f64]> {
+        self.0.as_slice()
+    }
+}
+
+/// An angle, or the vector u = (cos s, sin s).
+fn read_swivel(object: &Bound<'_, PyAny>) -> PyResult<Swivel> {
+    if let Ok(angle) = object.extract::<f64>() {
+        return Ok(Swivel::Angle(angle));
+    }
+    let [x, y] = read_array::<2>(object, "swivel")?;
+    Ok(Swivel::Direction(x, y))
+}
+
+/// One angle, N angles, or N vectors (cos s, sin s).
+fn read_swivels(object: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<f64>> {
+    if let Ok(angle) = object.extract::<f64>() {
+        return Ok(vec![angle]);
+    }
+    let rows = read_rows(object, "swivels", &[n]).or_else(|_| read_rows(object, "swivels", &[n, 2]))?;
+    let values = rows.as_slice()?;
+    Ok(if values.len() == 2 * n && n > 0 {
+        values.chunks_exact(2).map(|u| u[1].atan2(u[0])).collect()
+    } else {
+        values.to_vec()
+    })
+}
+
+/// Checks an array that the caller wants filled.
+fn output<'py, T: numpy::Element>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let array = object.cast::<PyArrayDyn<T>>().map_err(|_| {
+        to_py(Error::Invalid(format!("{what} must be an array of doubles (q) or of bool (valid)")))
+    })?;
+    if array.shape() != shape || !array.is_c_contiguous() {
+        let message =
+            format!("{what} must be C-contiguous of shape {shape:?}, it has shape {:?}", array.shape());
+        return Err(to_py(Error::Invalid(message)));
+    }
+    Ok(array.clone())
+}
+
+/// Result of `SrsArm.solve_batch`.
+#[pyclass(name = "SolveBatch", module = "redundancy", frozen)]
+pub struct PySolveBatch {
+    q: Py<PyArrayDyn<f64>>,
+    valid: Py<PyArrayDyn<bool>>,
+}
+
+#[pymethods]
+impl PySolveBatch {
+    /// `(N, 8, 7)` in branch order; rows that are not valid are unspecified but finite.
+    #[getter]
+    fn q(&self, py: Python<'_>) -> Py<PyArrayDyn<f64>> {
+        self.q.clone_ref(py)
+    }
+
+    /// `(N, 8)`.
+    #[getter]
+    fn valid(&self, py: Python<'_>) -> Py<PyArrayDyn<bool>> {
+        self.valid.clone_ref(py)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("SolveBatch({} poses)", self.q.bind(py).shape()[0])
+    }
+}
+
+/// A configuration chosen over a pose.
+#[pyclass(name = "Choice", module = "redundancy", frozen)]
+pub struct PyChoice {
+    choice: Option<Choice>,
+    motion: Arc<SelfMotion>,
+}
+
+#[pymethods]
+impl PyChoice {
+    /// Joint positions `(7,)`, `None` where no configuration holds the limits.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.choice.map(|c| PyArray1::from_slice(py, &c.q))
+    }
+
+    /// Its swivel angle, rad.
+    #[getter]
+    fn swivel(&self) -> Option<f64> {
+        self.choice.map(|c| c.swivel)
+    }
+
+    /// Its signs (shoulder, elbow, wrist).
+    #[getter]
+    fn branch<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
+        self.choice.map(|c| PyTuple::new(py, signs_of(c.branch))).transpose()
+    }
+
+    /// The criterion there.
+    #[getter]
+    fn value(&self) -> Option<f64> {
+        self.choice.map(|c| c.value)
+    }
+
+    /// `converged`, `limits` or `unreachable`.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.motion.status())
+    }
+
+    /// Why there is none; empty when there is one.
+    #[getter]
+    fn reason(&self) -> String {
+        self.motion.reason()
+    }
+
+    fn __repr__(&self) -> String {
+        match &self.choice {
+            Some(c) => format!(
+                "Choice(value {:.6e} at swivel {:.6} of branch {:?})",
+                c.value,
+                c.swivel,
+                signs_of(c.branch)
+            ),
+            None => format!("Choice({}: {})", self.motion.status(), self.motion.reason()),
+        }
+    }
+}
+
+fn signs_of(branch: usize) -> [i8; 3] {
+    [4, 2, 1].map(|bit| if branch & bit == 0 { 1 } else { -1 })
+}
+
+/// Choices over many poses.
+#[pyclass(name = "ChoiceBatch", module = "redundancy", frozen, get_all)]
+pub struct PyChoiceBatch {
+    /// `(N, 7)`; rows that are not valid are 0.
+    q: Py<PyArray2<f64>>,
+    /// `(N,)`.
+    swivel: Py<PyArray1<f64>>,
+    /// `(N, 3)` signs.
+    branch: Py<PyArray2<i8>>,
+    /// `(N,)`.
+    value: Py<PyArray1<f64>>,
+    /// `(N,)` bool: there is a configuration within the limits.
+    valid: Py<PyArray1<bool>>,
+}
+
+impl PyChoiceBatch {
+    fn new(py: Python<'_>, rows: &[Option<Choice>]) -> PyResult<Self> {
+        let n = rows.len();
+        let q = new_array(py, [n, 7]);
+        let branch = new_array(py, [n, 3]);
+        for ((row, q), signs) in
+            rows.iter().zip(writable(&q)?.chunks_exact_mut(7)).zip(writable(&branch)?.chunks_exact_mut(3))
+        {
+            if let Some(choice) = row {
+                q.copy_from_slice(&choice.q);
+                signs.copy_from_slice(&signs_of(choice.branch));
+            }
+        }
+        let column =
+            |f: fn(&Choice) -> f64| PyArray1::from_iter(py, rows.iter().map(|c| c.as_ref().map_or(0.0, f)));
+        Ok(Self {
+            q: q.unbind(),
+            swivel: column(|c| c.swivel).unbind(),
+            branch: branch.unbind(),
+            value: column(|c| c.value).unbind(),
+            valid: PyArray1::from_iter(py, rows.iter().map(Option::is_some)).unbind(),
+        })
+    }
+}
+
+#[pymethods]
+impl PyChoiceBatch {
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("ChoiceBatch({} poses)", self.valid.bind(py).len())
+    }
+}
+
+/// Every configuration over one pose: up to eight circles.
+#[pyclass(name = "SelfMotion", module = "redundancy", frozen)]
+pub struct PySelfMotion {
+    motion: Arc<SelfMotion>,
+}
+
+#[pymethods]
+impl PySelfMotion {
+    /// `converged`, `limits` or `unreachable`.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.motion.status())
+    }
+
+    /// Why no configuration holds the limits, with the number; empty when one does.
+    #[getter]
+    fn reason(&self) -> String {
+        self.motion.reason()
+    }
+
+    /// The distinct circles.
+    #[getter]
+    fn branches(&self) -> Vec<PyBranch> {
+        let branches = self.motion.branches();
+        branches.iter().map(|b| PyBranch { motion: self.motion.clone(), index: b.index() }).collect()
+    }
+
+    /// The best configuration over the pose.
+    fn best(&self, criterion: &Bound<'_, PyCriterion>) -> PyResult<PyChoice> {
+        let choice = self.motion.best(&*criterion.get().criterion).map_err(to_py)?;
+        Ok(PyChoice { choice, motion: self.motion.clone() })
+    }
+
+    /// The configuration over the pose nearest to `q`.
+    fn nearest(&self, q: &Bound<'_, PyAny>) -> PyResult<PyChoice> {
+        let q = read_vector(q, "q", Some(7))?;
+        Ok(PyChoice { choice: self.motion.nearest(&q).map_err(to_py)?, motion: self.motion.clone() })
+    }
+
+    fn __repr__(&self) -> String {
+        let reason = self.motion.reason();
+        let text =
+            if reason.is_empty() { format!("{} branches", self.motion.branches().len()) } else { reason };
+        format!("SelfMotion({}: {text})", self.motion.status())
+    }
+}
+
+/// One circle of configurations.
+#[pyclass(name = "Branch", module = "redundancy", frozen)]
+pub struct PyBranch {
+    motion: Arc<SelfMotion>,
+    index: usize,
+}
+
+impl PyBranch {
+    /// Evaluates `one` at an angle or at each of an array.
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        s: &Bound<'py, PyAny>,
+        one: impl Fn(redundancy_core::self_motion::Branch<'_>, f64) -> redundancy_core::Result<[f64; 7]>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let branch = self.motion.branch(self.index).map_err(to_py)?;
+        if let Ok(s) = s.extract::<f64>() {
+            return Ok(PyArray1::from_slice(py, &one(branch, s).map_err(to_py)?).into_any());
+        }
+        let rows: Vec<[f64; 7]> = read_vector(s, "s", None)?
+            .into_iter()
+            .map(|s| one(branch, s))
+            .collect::<Result<_, _>>()
+            .map_err(to_py)?;
+        Ok(to_array(py, rows.as_flattened(), [rows.len(), 7])?.into_any())
+    }
+}
+
+#[pymethods]
+impl PyBranch {
+    /// Signs (shoulder, elbow, wrist).
+    #[getter]
+    fn signs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, signs_of(self.index))
+    }
+
+    /// Index in branch order.
+    #[getter]
+    fn index(&self) -> usize {
+        self.index
+    }
+
+    /// Configuration at a swivel `(7,)`, or at many `(N, 7)`.
+    fn q<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        self.at(py, s, |branch, s| branch.q(s))
+    }
+
+    /// dq/ds at a swivel `(7,)`, or at many `(N, 7)`.
+    fn tangent<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        self.at(py, s, |branch, s| branch.tangent(s))
+    }
+
+    /// Where all joint limits hold, `(k, 2)`.
+    #[pyo3(signature = (margin=0.0))]
+    fn intervals<'py>(&self, py: Python<'py>, margin: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let branch = self.motion.branch(self.index).map_err(to_py)?;
+        let rows = branch.intervals(margin).map_err(to_py)?;
+        to_array(py, rows.as_flattened(), [rows.len(), 2])
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Branch(signs {:?})", signs_of(self.index))
+    }
+}

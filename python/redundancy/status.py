@@ -1,0 +1,34 @@
+"""What the mathematics did, as words."""
+
+from enum import StrEnum
+
+__all__ = ["EventKind", "Status"]
+
+
+class Status(StrEnum):
+    """Outcome of a computation on valid input; `str(x)` is the word.
+
+    A status is never an error: errors are exceptions and mean that the caller's input is wrong.
+    """
+
+    CONVERGED = "converged"
+    UNREACHABLE = "unreachable"
+    INFEASIBLE = "infeasible"
+    LIMITS = "limits"
+    SINGULAR = "singular"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    CANCELLED = "cancelled"
+
+
+class EventKind(StrEnum):
+    """What kind of thing happened on the way; `str(x)` is the word."""
+
+    BASIS_CHANGE = "basis_change"
+    DAMPING = "damping"
+    LIMIT = "limit"
+    SCALED = "scaled"
+    KINEMATIC_SINGULARITY = "kinematic_singularity"
+    ALGORITHMIC_SINGULARITY = "algorithmic_singularity"
+    RECONFIGURATION = "reconfiguration"
+    JOINT_LIMIT = "joint_limit"
