@@ -40,6 +40,39 @@ class Chain:
     """
 
     @staticmethod
+    def from_urdf(
+        path: str | PathLike[str],
+        base: str | None = None,
+        tip: str | None = None,
+        missing_limits: Literal["error", "unbounded"] = "error",
+    ) -> Chain:
+        """Read the way from a base link to a tip link out of a URDF file.
+
+        Fixed joints are folded, numbers are used as they are, a velocity or effort of 0 means none.
+
+        Args:
+            path: The file.
+            base: Base link; may be left out when there is one root (or one above `tip`).
+            tip: Tip link; may be left out when there is one leaf (below `base`).
+            missing_limits: What to do with a revolute or prismatic joint without `<limit>`.
+
+        Raises:
+            OSError: The file cannot be opened.
+            DescriptionError: Malformed XML, no way from base to tip, joints that mimic, float or move in a plane,
+                names used twice, missing or inverted limits.
+            RedundancyError: An unknown link (the names are listed), numbers that are not finite, a zero axis.
+        """
+
+    @staticmethod
+    def from_urdf_string(
+        xml: str,
+        base: str | None = None,
+        tip: str | None = None,
+        missing_limits: Literal["error", "unbounded"] = "error",
+    ) -> Chain:
+        """Read a chain out of the text of a URDF; see `from_urdf`."""
+
+    @staticmethod
     def from_dh(
         rows: ArrayLike,
         convention: Literal["standard", "modified"] = "standard",

@@ -3,6 +3,11 @@
 // clippy.toml covers `#[test]` functions only; here every function is part of a test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod allocations;
+mod chain;
+mod chain_catalog;
+mod chain_urdf;
+mod kinematics;
 mod path;
 mod self_motion;
 mod support;

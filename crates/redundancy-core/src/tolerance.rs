@@ -86,3 +86,21 @@ pub const OPTIMUM_GAP: f64 = 1e-10;
 
 /// A step of a monotone joint against its direction up to this size (rad) is rounding.
 pub const UNWIND_ROUNDING: f64 = 1e-6;
+
+/// Largest URDF that is read, in bytes. The largest public ones (humanoids) have about 1 MB; the limit bounds the
+/// memory and time that a hostile file can take.
+pub const URDF_BYTES: usize = 16 << 20;
+
+/// Most XML nodes of a URDF: thirty times those of a humanoid, some 100 MB once parsed.
+pub const URDF_NODES: u32 = 1_000_000;
+
+/// Most attributes of one element of a URDF. The format has elements with six; looking for duplicates costs the
+/// square of their number.
+pub const URDF_ATTRIBUTES: usize = 256;
+
+/// Most namespace declarations in a URDF. Expanded xacro files have a handful; each nested one copies its parents'.
+pub const URDF_NAMESPACES: usize = 256;
+
+/// Largest angle, rad, that the crate's own sine and cosine reduce: its count of quarter turns stays below 2^20, so
+/// that the products of the reduction are exact. No joint turns that far; the C library takes the rest.
+pub const REDUCTION_LIMIT: f64 = 1e6;

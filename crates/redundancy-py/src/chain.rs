@@ -1,12 +1,15 @@
 //! `Chain` and `catalog`: the arm and its kinematics.
 
+use std::path::PathBuf;
 use std::sync::Mutex;
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyOSError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PySequence, PyTuple, PyType};
-use redundancy_core::chain::{Chain, ChainBuilder, DhConvention, DhRow, Inertia, JointKind, Limits, catalog};
+use redundancy_core::chain::{
+    Chain, ChainBuilder, DhConvention, DhRow, Inertia, JointKind, Limits, MissingLimits, catalog,
+};
 use redundancy_core::kinematics::Scratch;
 use redundancy_core::nalgebra::{Matrix3, Vector3};
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
@@ -72,6 +75,40 @@ impl PyChain {
 
 #[pymethods]
 impl PyChain {
+    /// A chain from a URDF file.
+    #[staticmethod]
+    #[pyo3(signature = (path, base=None, tip=None, missing_limits="error"))]
+    fn from_urdf(
+        py: Python<'_>,
+        path: PathBuf,
+        base: Option<&str>,
+        tip: Option<&str>,
+        missing_limits: &str,
+    ) -> PyResult<Self> {
+        let missing_limits = read_missing_limits(missing_limits)?;
+        // A file that is not there is what Python calls it: FileNotFoundError.
+        if let Err(error) = std::fs::metadata(&path) {
+            return Err(PyOSError::new_err((error.raw_os_error(), error.to_string(), path)));
+        }
+        let chain = py.detach(|| Chain::from_urdf(path, base, tip, missing_limits));
+        chain.map(Self::from).map_err(to_py)
+    }
+
+    /// A chain from the text of a URDF.
+    #[staticmethod]
+    #[pyo3(signature = (xml, base=None, tip=None, missing_limits="error"))]
+    fn from_urdf_string(
+        py: Python<'_>,
+        xml: &str,
+        base: Option<&str>,
+        tip: Option<&str>,
+        missing_limits: &str,
+    ) -> PyResult<Self> {
+        let missing_limits = read_missing_limits(missing_limits)?;
+        let chain = py.detach(|| Chain::from_urdf_string(xml, base, tip, missing_limits));
+        chain.map(Self::from).map_err(to_py)
+    }
+
     /// A chain from Denavit-Hartenberg rows.
     #[staticmethod]
     #[pyo3(signature = (rows, convention="standard", base=None, tool=None, names=None, lower=None, upper=None,
@@ -429,6 +466,14 @@ fn unknown(kind: &'static str, name: &str, valid: &[&str]) -> PyErr {
         name: name.into(),
         valid: valid.iter().map(|v| v.to_string()).collect(),
     })
+}
+
+fn read_missing_limits(name: &str) -> PyResult<MissingLimits> {
+    match name {
+        "error" => Ok(MissingLimits::Refuse),
+        "unbounded" => Ok(MissingLimits::Unbounded),
+        other => Err(unknown("missing_limits", other, &["error", "unbounded"])),
+    }
 }
 
 /// Overwrites the limits that are given; a single number counts for every joint.

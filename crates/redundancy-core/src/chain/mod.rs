@@ -5,6 +5,7 @@
 //! URDF ([`urdf`]) or from the compiled-in [`catalog`].
 
 pub mod catalog;
+pub mod urdf;
 
 mod builder;
 #[allow(clippy::module_inception)]
@@ -16,5 +17,6 @@ pub use builder::ChainBuilder;
 pub use chain::{Chain, Link};
 pub use dh::{DhConvention, DhRow};
 pub use joint::{Inertia, Joint, JointKind, Limits};
+pub use urdf::MissingLimits;
 
 pub(crate) use chain::{Step, axis_onto_z};

@@ -1,5 +1,6 @@
 //! Forward kinematics: the product of placements and joint motions.
 
+use super::trigonometry::sin_cos;
 use crate::chain::{Chain, Link, Step};
 use crate::error::{Error, Result};
 use crate::pose::{Pose, pose};
@@ -42,7 +43,7 @@ impl Frame {
     #[inline(always)]
     pub fn moved(mut self, step: &Step, q: f64) -> Self {
         if step.rotational {
-            let (sin, cos) = q.sin_cos();
+            let (sin, cos) = sin_cos(q);
             let x = self.x * cos + self.y * sin;
             self.y = self.y * cos - self.x * sin;
             self.x = x;

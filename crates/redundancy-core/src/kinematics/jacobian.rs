@@ -1,7 +1,7 @@
 //! Geometric Jacobian, in the same pass as the pose.
 //!
 //! Column of a turning joint: `[z x (p - o); z]`; of a sliding joint: `[z; 0]`, with the axis `z`, a point `o` on it
-//! and the tool at `p`, all in the world. Cost for seven joints: about 0.2 us.
+//! and the tool at `p`, all in the world. cost for seven joints: about 0.23 us.
 
 use nalgebra::{Matrix6xX, Vector6};
 

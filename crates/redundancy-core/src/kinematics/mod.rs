@@ -4,5 +4,6 @@ mod batch;
 mod forward;
 mod jacobian;
 mod scratch;
+mod trigonometry;
 
 pub use scratch::{Kinematics, Scratch};
