@@ -1,6 +1,6 @@
 """What to do with a robot arm's spare freedom."""
 
-from redundancy import catalog
+from redundancy import catalog, paths
 from redundancy._core import (
     Branch,
     Chain,
@@ -8,17 +8,21 @@ from redundancy._core import (
     ChoiceBatch,
     Criterion,
     DescriptionError,
+    Event,
     FileFormatError,
     JointRange,
     NotSrsError,
+    Path,
     Posture,
     RedundancyError,
     SelfMotion,
     SolveBatch,
     SrsArm,
+    Trajectory,
     __version__,
+    times_within_limits,
 )
-from redundancy.status import Status
+from redundancy.status import EventKind, Status
 
 __all__ = [
     "Branch",
@@ -27,15 +31,21 @@ __all__ = [
     "ChoiceBatch",
     "Criterion",
     "DescriptionError",
+    "Event",
+    "EventKind",
     "FileFormatError",
     "JointRange",
     "NotSrsError",
+    "Path",
     "Posture",
     "RedundancyError",
     "SelfMotion",
     "SolveBatch",
     "SrsArm",
     "Status",
+    "Trajectory",
     "__version__",
     "catalog",
+    "paths",
+    "times_within_limits",
 ]

@@ -1,14 +1,18 @@
 """Types of the compiled module."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, Self, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
+
+from redundancy.status import EventKind, Status
 
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
 _Pose: TypeAlias = Any
+_Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 __version__: str
 
@@ -198,8 +202,228 @@ class Chain:
 def catalog_load(name: str) -> Chain: ...
 def catalog_names() -> list[str]: ...
 
+# path
+
+@final
+class Path:
+    """Tool poses, or positions with the orientation left open, in the order of arc length.
+
+    Between the samples the path is a C2 curve: a cubic spline with not-a-knot ends through positions and through unit
+    quaternions; circle and raster of `redundancy.paths` keep their analytic curve. Immutable.
+
+    Args:
+        poses: `(N, 4, 4)`, a list of SE3-like objects, or `(N, 3)` positions, m.
+        s: `(N,)` arc length, m; summed from the distances when left out.
+        t: `(N,)` times, s, increasing; a path without times is timed by the arm's velocity limits.
+
+    Raises:
+        RedundancyError: Fewer than two samples, invalid poses, lengths that differ, `s` or `t` that do not increase.
+
+    Example:
+        >>> import redundancy as rd
+        >>> path = rd.Path([[0.3, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.2, 0.5]])
+        >>> path.has_orientation, round(path.length, 12)
+        (False, 0.3)
+    """
+
+    def __new__(
+        cls, poses: ArrayLike | Any, s: ArrayLike | None = None, t: ArrayLike | None = None
+    ) -> Path: ...
+    @staticmethod
+    def from_csv(path: str | PathLike[str]) -> Path:
+        """Read a CSV file with a header line and the columns `x,y,z`, `qw,qx,qy,qz` and, where wanted, `s` and `t`.
+
+        The columns stand in any order; metres, seconds. The four quaternion columns may be absent together: a path
+        of positions. Quaternions within 1e-3 of unit norm are normalised.
+
+        Raises:
+            FileFormatError: What is wrong, with the file's name and line.
+        """
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Write the samples as `from_csv` reads them."""
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc length of each sample `(N,)`, m. A copy."""
+    @property
+    def t(self) -> NDArray[np.float64] | None:
+        """Time of each sample `(N,)`, s, where the path has times. A copy."""
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """The samples `(N, 4, 4)`; the rotation is the identity on a path of positions. A copy."""
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """The samples' positions `(N, 3)`, m. A copy."""
+    @property
+    def length(self) -> float:
+        """Arc length from the first to the last sample, m."""
+    @property
+    def has_orientation(self) -> bool:
+        """False for a path of positions, whose orientation is open."""
+    def pose(self, s: ArrayLike) -> NDArray[np.float64]:
+        """Pose on the curve.
+
+        Args:
+            s: Arc length, m: a number or `(N,)`.
+
+        Returns:
+            `(4, 4)` or `(N, 4, 4)`.
+
+        Raises:
+            RedundancyError: `s` is not on the path.
+        """
+    def derivatives(self, s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        r"""First and second derivative with respect to arc length, linear first, angular second, in base axes.
+
+        $(p', \omega)$ in 1 and rad/m, $(p'', \omega')$ in 1/m and rad/m^2, with $\dot Q = \tfrac12 (0, \omega) Q$.
+
+        Args:
+            s: Arc length, m: a number or `(N,)`.
+
+        Returns:
+            Two arrays `(6,)` or `(N, 6)`.
+        """
+    def resampled(self, step: float) -> Path:
+        """The same curve sampled about every `step` metres; times are interpolated linearly."""
+    def with_orientation(
+        self, orientation: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike] | Any
+    ) -> Path:
+        """The same positions with other orientations.
+
+        Args:
+            orientation: `(3, 3)` or a pose: everywhere the same; `(N, 3, 3)`: one per sample; a callable from
+                positions `(N, 3)` to rotations `(N, 3, 3)`.
+        """
+    def with_times(self, t: ArrayLike | None) -> Path:
+        """The same path with other times `(N,)`, s, or none."""
+    def __len__(self) -> int: ...
+
+@final
+class Event:
+    """Something that happened on the way.
+
+    Args:
+        kind: `basis_change`, `damping`, `limit`, `scaled`, `kinematic_singularity`, `algorithmic_singularity`,
+            `reconfiguration` or `joint_limit`.
+        index: Row of the trajectory; where a plan ends early, the path point that was not reached.
+        t: Time, s.
+        s: Arc length on the path, m; on a self-motion its parameter.
+        message: What happened, for a person.
+    """
+
+    def __new__(cls, kind: str, index: int, t: float, s: float, message: str) -> Event: ...
+    @property
+    def kind(self) -> EventKind:
+        """What kind of thing happened."""
+    @property
+    def index(self) -> int:
+        """Row of the trajectory, from 0."""
+    @property
+    def t(self) -> float:
+        """Time, s."""
+    @property
+    def s(self) -> float:
+        """Arc length on the path, m."""
+    @property
+    def message(self) -> str:
+        """What happened, for a person."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@disjoint_base
+class Trajectory:
+    """Joint positions and velocities over time, one row per instant, with what happened on the way.
+
+    Args:
+        joint_names: The joints, base to tip.
+        t: `(N,)` times, s, increasing.
+        q: `(N, n)` joint positions, rad or m.
+        qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
+        events: What happened on the way.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.Trajectory(["shoulder", "elbow"], [0.0, 0.5], [[0.0, 1.0], [0.5, 1.0]]).qd.tolist()
+        [[1.0, 0.0], [1.0, 0.0]]
+    """
+
+    def __new__(
+        cls,
+        joint_names: Sequence[str],
+        t: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike | None = None,
+        events: Sequence[Event] | None = None,
+    ) -> Self: ...
+    @staticmethod
+    def from_csv(path: str | PathLike[str]) -> Trajectory:
+        """Read what `to_csv` writes."""
+    @staticmethod
+    def from_json(path: str | PathLike[str]) -> Trajectory:
+        """Read what `to_json` writes, or a ROS `JointTrajectory` as JSON; times to the nanosecond."""
+    @staticmethod
+    def from_npz(path: str | PathLike[str]) -> Trajectory:
+        """Read what `to_npz` writes."""
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Write `t,<joint>...,<joint>_velocity...`, one line per instant, without the events."""
+    def to_json(self, path: str | PathLike[str]) -> None:
+        """Write the fields of ROS `JointTrajectory`, and `events` beside them."""
+    def to_npz(self, path: str | PathLike[str]) -> None:
+        """Write the arrays `joint_names, t, q, qd` and `event_kind, event_index, event_t, event_s, event_message`."""
+    @property
+    def joint_names(self) -> list[str]:
+        """The joints, base to tip."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Times `(N,)`, s. A copy."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(N, n)`, rad or m. A copy."""
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """Joint velocities `(N, n)`, rad/s or m/s. A copy."""
+    @property
+    def events(self) -> list[Event]:
+        """What happened on the way, in order."""
+    def __len__(self) -> int: ...
+
+def times_within_limits(
+    q: ArrayLike, velocity_limits: ArrayLike, *, velocity_fraction: float = 0.9, smoothing: int = 10
+) -> NDArray[np.float64]:
+    """Times for joint rows, from 0, so that no joint is faster than a share of its velocity limit.
+
+    The rate of rows is the largest that the limits allow, smoothed from below over a window of rows.
+
+    Args:
+        q: `(N, n)` joint positions, rad or m.
+        velocity_limits: `(n,)`, rad/s or m/s, `inf` for none.
+        velocity_fraction: Share of each limit that may be used, in (0, 1].
+        smoothing: Half-width of the smoothing window in rows; 0 is off.
+
+    Returns:
+        `(N,)`, s.
+
+    Raises:
+        RedundancyError: Invalid numbers, or a step in which only joints without a limit move.
+    """
+
+def paths_circle(
+    center: ArrayLike, radius: float, start: float, turns: float, normal: ArrayLike, orientation: Any, n: int
+) -> Path: ...
+def paths_raster(
+    origin: ArrayLike,
+    length: float,
+    spacing: float,
+    strokes: int,
+    corner: float | None,
+    orientation: Any,
+    step: float,
+    along: ArrayLike,
+    across: ArrayLike,
+) -> Path: ...
+
 # criterion
 
+@disjoint_base
 class Criterion:
     """A scalar function of the configuration, with gradient and Hessian.
 
@@ -222,6 +446,7 @@ class Criterion:
     def hessian(self, q: ArrayLike) -> NDArray[np.float64]:
         """d2h/dq2, `(n, n)` or `(N, n, n)`."""
     def __add__(self, other: Criterion, /) -> Criterion: ...
+    def __radd__(self, other: Criterion, /) -> Criterion: ...
     def __mul__(self, factor: float, /) -> Criterion: ...
     def __rmul__(self, factor: float, /) -> Criterion: ...
     def __neg__(self) -> Criterion: ...
@@ -281,7 +506,9 @@ class SrsArm:
         7
     """
 
-    def __new__(cls, chain: Chain, chart: str = "shortest_arc", reference: ArrayLike | None = None) -> Self: ...
+    def __new__(
+        cls, chain: Chain, chart: str = "shortest_arc", reference: ArrayLike | None = None
+    ) -> Self: ...
     @property
     def chain(self) -> Chain:
         """The chain that was recognised."""
@@ -338,7 +565,7 @@ class SrsArm:
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
     def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """The configuration `(7,)` over the pose with the least Euclidean distance to `q`, limits held, windings included.
+        """The configuration `(7,)` over the pose nearest to `q` (Euclidean), limits held, windings included.
 
         `None` when there is none: `self_motion(pose).reason` says why. A batch of poses gives a `ChoiceBatch`.
         """

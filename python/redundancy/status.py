@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-__all__ = ["Status"]
+__all__ = ["EventKind", "Status"]
 
 
 class Status(StrEnum):
@@ -19,3 +19,16 @@ class Status(StrEnum):
     ITERATION_LIMIT = "iteration_limit"
     TIME_LIMIT = "time_limit"
     CANCELLED = "cancelled"
+
+
+class EventKind(StrEnum):
+    """What kind of thing happened on the way; `str(x)` is the word."""
+
+    BASIS_CHANGE = "basis_change"
+    DAMPING = "damping"
+    LIMIT = "limit"
+    SCALED = "scaled"
+    KINEMATIC_SINGULARITY = "kinematic_singularity"
+    ALGORITHMIC_SINGULARITY = "algorithmic_singularity"
+    RECONFIGURATION = "reconfiguration"
+    JOINT_LIMIT = "joint_limit"

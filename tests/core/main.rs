@@ -3,14 +3,12 @@
 // clippy.toml covers `#[test]` functions only; here every function is part of a test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod path;
-mod planning;
-mod self_motion;
-mod support;
-//! Public behaviour of the core: properties, agreement, paper tables.
-
 mod allocations;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
 mod kinematics;
+mod path;
+mod planning;
+mod self_motion;
+mod support;

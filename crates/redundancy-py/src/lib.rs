@@ -7,6 +7,7 @@ mod chain;
 mod convert;
 mod criterion;
 mod error;
+mod path;
 mod self_motion;
 mod status;
 
@@ -20,6 +21,9 @@ mod _core {
     use criterion::{PyCriterion, PyJointRange, PyPosture};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+
+    #[pymodule_export]
+    use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,0 +1,586 @@
+//! `Path`, `paths`, `Trajectory`: what comes in and what goes out.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArray2, PyArray3};
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple, PyType};
+use redundancy_core::nalgebra::{Matrix3, Rotation3, Vector3};
+use redundancy_core::path::{
+    Circle, Event, Path, Raster, Shape, TimingSettings, Trajectory, times_within_limits,
+};
+use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
+
+use crate::convert::{
+    new_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array, writable,
+};
+use crate::error::to_py;
+use crate::status::event_kind_to_py;
+
+/// Tool poses or positions in the order of arc length.
+#[pyclass(name = "Path", module = "redundancy", frozen)]
+pub struct PyPath {
+    pub path: Path,
+}
+
+impl From<Path> for PyPath {
+    fn from(path: Path) -> Self {
+        Self { path }
+    }
+}
+
+#[pymethods]
+impl PyPath {
+    #[new]
+    #[pyo3(signature = (poses, s=None, t=None))]
+    fn new(
+        poses: &Bound<'_, PyAny>,
+        s: Option<&Bound<'_, PyAny>>,
+        t: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let s = s.map(|s| read_vector(s, "s", None)).transpose()?;
+        let t = t.map(|t| read_vector(t, "t", None)).transpose()?;
+        let path = match Samples::read(poses)? {
+            Samples::Poses(poses) => Path::new(&poses, s.as_deref(), t.as_deref()),
+            Samples::Positions(positions) => Path::from_positions(&positions, s.as_deref(), t.as_deref()),
+        };
+        path.map(Self::from).map_err(to_py)
+    }
+
+    /// Reads a CSV file.
+    #[staticmethod]
+    fn from_csv(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        py.detach(|| Path::from_csv(path)).map(Self::from).map_err(to_py)
+    }
+
+    /// Writes a CSV file.
+    fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.path.to_csv(path)).map_err(to_py)
+    }
+
+    /// Arc length of each sample.
+    #[getter]
+    fn s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.path.s())
+    }
+
+    /// Time of each sample.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.path.t().map(|t| PyArray1::from_slice(py, t))
+    }
+
+    /// The samples as poses.
+    #[getter]
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let array = new_array(py, [self.path.len(), 4, 4]);
+        for (row, pose) in writable(&array)?.chunks_exact_mut(16).zip(self.path.poses()) {
+            row.copy_from_slice(&pose_to_row_major(pose));
+        }
+        Ok(array)
+    }
+
+    /// The samples as positions.
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let array = new_array(py, [self.path.len(), 3]);
+        for (row, pose) in writable(&array)?.chunks_exact_mut(3).zip(self.path.poses()) {
+            row.copy_from_slice(pose.translation.vector.as_slice());
+        }
+        Ok(array)
+    }
+
+    /// Arc length from the first to the last sample.
+    #[getter]
+    fn length(&self) -> f64 {
+        self.path.length()
+    }
+
+    /// False for a path of positions.
+    #[getter]
+    fn has_orientation(&self) -> bool {
+        self.path.has_orientation()
+    }
+
+    /// Pose on the curve.
+    fn pose<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let at = read_rows(s, "s", &[])?;
+        let shape = at.batch.map_or(vec![4, 4], |n| vec![n, 4, 4]);
+        let mut values = Vec::with_capacity(16 * at.batch.unwrap_or(1));
+        for s in at.as_slice()? {
+            values.extend(pose_to_row_major(&self.path.at(*s).map_err(to_py)?.pose));
+        }
+        shaped(py, &values, &shape)
+    }
+
+    /// First and second derivative on the curve.
+    fn derivatives<'py>(
+        &self,
+        py: Python<'py>,
+        s: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let at = read_rows(s, "s", &[])?;
+        let shape = at.batch.map_or(vec![6], |n| vec![n, 6]);
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        for s in at.as_slice()? {
+            let point = self.path.at(*s).map_err(to_py)?;
+            first.extend(point.derivative.iter());
+            second.extend(point.second_derivative.iter());
+        }
+        Ok((shaped(py, &first, &shape)?, shaped(py, &second, &shape)?))
+    }
+
+    /// The same curve with other samples.
+    fn resampled(&self, step: f64) -> PyResult<Self> {
+        self.path.resampled(step).map(Self::from).map_err(to_py)
+    }
+
+    /// The same positions with other orientations.
+    fn with_orientation(&self, orientation: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.oriented(Some(orientation)).map(Self::from)
+    }
+
+    /// The same path with other times.
+    #[pyo3(signature = (t))]
+    fn with_times(&self, t: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let t = t.map(|t| read_vector(t, "t", None)).transpose()?;
+        self.path.with_times(t.as_deref()).map(Self::from).map_err(to_py)
+    }
+
+    fn __len__(&self) -> usize {
+        self.path.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let kind = match self.path.shape() {
+            Shape::Circle(_) => "circle",
+            Shape::Raster(_) => "raster",
+            _ => "spline",
+        };
+        let what = if self.path.has_orientation() { "poses" } else { "positions" };
+        let timed = self.path.t().map_or(String::new(), |t| format!(", {} s", t[t.len() - 1] - t[0]));
+        format!("Path({kind} through {} {what}, {} m{timed})", self.path.len(), self.path.length())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PathParts)> {
+        Ok((py.get_type::<Self>().getattr("_from_parts")?, PathParts::of(&self.path)))
+    }
+
+    /// Inverse of pickling.
+    #[classmethod]
+    #[pyo3(signature = (*parts))]
+    fn _from_parts(_class: &Bound<'_, PyType>, parts: PathParts) -> PyResult<Self> {
+        parts.build().map(Self::from).map_err(to_py)
+    }
+}
+
+impl PyPath {
+    /// The path with an orientation: none, one rotation or pose, one per sample, or a rule for positions.
+    fn oriented(&self, orientation: Option<&Bound<'_, PyAny>>) -> PyResult<Path> {
+        let Some(orientation) = orientation else { return Ok(self.path.clone()) };
+        let py = orientation.py();
+        let given = if orientation.is_callable() && !orientation.hasattr(pyo3::intern!(py, "as_matrix"))? {
+            orientation.call1((self.positions(py)?,))?
+        } else {
+            orientation.clone()
+        };
+        let rotations = read_rotations(&given)?;
+        match rotations.as_slice() {
+            [rotation] => self.path.with_orientation(rotation),
+            many => self.path.with_orientations(many),
+        }
+        .map_err(to_py)
+    }
+}
+
+/// What a path can be made of.
+enum Samples {
+    Poses(Vec<Pose>),
+    Positions(Vec<Vector3<f64>>),
+}
+
+impl Samples {
+    fn read(object: &Bound<'_, PyAny>) -> PyResult<Self> {
+        // A list of SE3-like objects; lists of numbers go the way of arrays.
+        if let Ok(list) = object.cast::<PyList>()
+            && let Ok(first) = list.get_item(0)
+            && ["homogeneous", "as_matrix", "A"].iter().any(|name| first.hasattr(*name).unwrap_or(false))
+        {
+            return Ok(Self::Poses(list.iter().map(|item| read_pose(&item)).collect::<PyResult<_>>()?));
+        }
+        if let Ok(rows) = read_rows(object, "poses", &[3])
+            && rows.batch.is_some()
+        {
+            let positions = rows.as_slice()?.chunks_exact(3).map(Vector3::from_column_slice);
+            return Ok(Self::Positions(positions.collect()));
+        }
+        let rows = read_poses(object).map_err(|_| {
+            let shape = object.getattr("shape").map_or_else(|_| "no array".into(), |shape| shape.to_string());
+            to_py(Error::Invalid(format!("poses: {shape}, expected (N, 4, 4) or positions (N, 3)")))
+        })?;
+        let poses = rows.as_slice()?.chunks_exact(16).enumerate().map(|(i, row)| {
+            pose_from_row_major(row).map_err(|error| to_py(Error::Invalid(format!("poses[{i}]: {error}"))))
+        });
+        Ok(Self::Poses(poses.collect::<PyResult<_>>()?))
+    }
+}
+
+/// Rotations from `(3, 3)`, `(N, 3, 3)`, one pose or many.
+fn read_rotations(object: &Bound<'_, PyAny>) -> PyResult<Vec<Rotation3<f64>>> {
+    let matrix = object.call_method0("as_matrix").unwrap_or_else(|_| object.clone());
+    if let Ok(rows) = read_rows(&matrix, "orientation", &[3, 3]) {
+        let matrices = rows.as_slice()?.chunks_exact(9).map(Matrix3::from_row_slice);
+        return Ok(matrices.map(Rotation3::from_matrix_unchecked).collect());
+    }
+    let rows = read_poses(object).map_err(|_| {
+        to_py(Error::Invalid("orientation: expected (3, 3), (N, 3, 3), (4, 4) or (N, 4, 4)".into()))
+    })?;
+    let poses = rows.as_slice()?.chunks_exact(16).map(pose_from_row_major);
+    poses.map(|pose| Ok(pose.map_err(to_py)?.rotation)).collect()
+}
+
+fn shaped<'py>(py: Python<'py>, values: &[f64], shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    to_array(py, values, [values.len()])?.call_method1("reshape", (PyTuple::new(py, shape)?,))
+}
+
+/// All that a path is made of, in types that pickle: shape with its numbers, samples, orientation or not, s, t.
+#[derive(FromPyObject, IntoPyObject)]
+struct PathParts(ShapeParts, Vec<[f64; 16]>, bool, Vec<f64>, Option<Vec<f64>>);
+
+type ShapeParts = (String, Vec<f64>);
+
+impl PathParts {
+    fn of(path: &Path) -> Self {
+        let shape = match path.shape() {
+            Shape::Circle(c) => {
+                let (center, normal) = (c.center(), c.normal());
+                let mut numbers = center.as_slice().to_vec();
+                numbers.extend([c.radius(), c.start(), c.turns(), normal.x, normal.y, normal.z]);
+                ("circle".to_owned(), numbers)
+            }
+            Shape::Raster(r) => {
+                let (origin, along, across) = (r.origin(), r.along(), r.across());
+                let mut numbers = origin.as_slice().to_vec();
+                numbers.extend([r.length(), r.spacing(), r.strokes() as f64]);
+                numbers.extend([along.x, along.y, along.z, across.x, across.y, across.z]);
+                numbers.extend(r.corner());
+                ("raster".to_owned(), numbers)
+            }
+            _ => ("spline".to_owned(), Vec::new()),
+        };
+        let poses = path.poses().iter().map(pose_to_row_major).collect();
+        Self(shape, poses, path.has_orientation(), path.s().to_vec(), path.t().map(<[f64]>::to_vec))
+    }
+
+    fn build(self) -> redundancy_core::Result<Path> {
+        let Self((kind, numbers), poses, oriented, s, t) = self;
+        let poses = poses.iter().map(|pose| pose_from_row_major(pose)).collect::<Result<Vec<_>, _>>()?;
+        let vector = |from: usize| Vector3::new(numbers[from], numbers[from + 1], numbers[from + 2]);
+        let shape = match (kind.as_str(), numbers.len()) {
+            ("circle", 9) => {
+                Shape::Circle(Circle::new(vector(0), numbers[3], numbers[4], numbers[5], vector(6))?)
+            }
+            ("raster", 12 | 13) => Shape::Raster(Raster::new(
+                vector(0),
+                numbers[3],
+                numbers[4],
+                numbers[5] as usize,
+                numbers.get(12).copied(),
+                vector(6),
+                vector(9),
+            )?),
+            _ if oriented => return Path::new(&poses, Some(&s), t.as_deref()),
+            _ => {
+                let positions: Vec<_> = poses.iter().map(|pose| pose.translation.vector).collect();
+                return Path::from_positions(&positions, Some(&s), t.as_deref());
+            }
+        };
+        let mut path = Path::from_shape(shape, s)?;
+        if oriented {
+            path = path.with_orientations(&poses.iter().map(|pose| pose.rotation).collect::<Vec<_>>())?;
+        }
+        path.with_times(t.as_deref())
+    }
+}
+
+/// A circle; see `redundancy.paths.circle`.
+#[pyfunction]
+pub fn paths_circle(
+    center: &Bound<'_, PyAny>,
+    radius: f64,
+    start: f64,
+    turns: f64,
+    normal: &Bound<'_, PyAny>,
+    orientation: Option<&Bound<'_, PyAny>>,
+    n: usize,
+) -> PyResult<PyPath> {
+    let (center, normal) = (read_array::<3>(center, "center")?, read_array::<3>(normal, "normal")?);
+    let circle = Circle::new(center.into(), radius, start, turns, normal.into()).map_err(to_py)?;
+    let path = PyPath::from(circle.path(n).map_err(to_py)?);
+    path.oriented(orientation).map(PyPath::from)
+}
+
+/// A raster; see `redundancy.paths.raster`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn paths_raster(
+    origin: &Bound<'_, PyAny>,
+    length: f64,
+    spacing: f64,
+    strokes: usize,
+    corner: Option<f64>,
+    orientation: Option<&Bound<'_, PyAny>>,
+    step: f64,
+    along: &Bound<'_, PyAny>,
+    across: &Bound<'_, PyAny>,
+) -> PyResult<PyPath> {
+    let origin = read_array::<3>(origin, "origin")?;
+    let (along, across) = (read_array::<3>(along, "along")?, read_array::<3>(across, "across")?);
+    let raster = Raster::new(origin.into(), length, spacing, strokes, corner, along.into(), across.into());
+    let path = PyPath::from(raster.and_then(|raster| raster.path(step)).map_err(to_py)?);
+    path.oriented(orientation).map(PyPath::from)
+}
+
+/// Something that happened on the way.
+#[pyclass(name = "Event", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[derive(Clone, PartialEq)]
+pub struct PyEvent {
+    event: Event,
+}
+
+#[pymethods]
+impl PyEvent {
+    #[new]
+    fn new(kind: &str, index: usize, t: f64, s: f64, message: String) -> PyResult<Self> {
+        let kind = kind.parse().map_err(to_py)?;
+        Ok(Self { event: Event { kind, index, t, s, message } })
+    }
+
+    /// The kind as a word.
+    #[getter]
+    fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        event_kind_to_py(py, self.event.kind)
+    }
+
+    /// Row of the trajectory.
+    #[getter]
+    fn index(&self) -> usize {
+        self.event.index
+    }
+
+    /// Time.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.event.t
+    }
+
+    /// Arc length.
+    #[getter]
+    fn s(&self) -> f64 {
+        self.event.s
+    }
+
+    /// What happened.
+    #[getter]
+    fn message(&self) -> &str {
+        &self.event.message
+    }
+
+    fn __repr__(&self) -> String {
+        let Event { kind, index, t, s, message } = &self.event;
+        format!("Event(kind='{kind}', index={index}, t={t}, s={s}, message={message:?})")
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (String, usize, f64, f64, String)) {
+        let Event { kind, index, t, s, message } = &self.event;
+        (py.get_type::<Self>(), (kind.to_string(), *index, *t, *s, message.clone()))
+    }
+}
+
+impl From<Event> for PyEvent {
+    fn from(event: Event) -> Self {
+        Self { event }
+    }
+}
+
+/// Joint positions and velocities over time.
+#[pyclass(name = "Trajectory", module = "redundancy", frozen, subclass)]
+pub struct PyTrajectory {
+    pub trajectory: Trajectory,
+}
+
+impl From<Trajectory> for PyTrajectory {
+    fn from(trajectory: Trajectory) -> Self {
+        Self { trajectory }
+    }
+}
+
+#[pymethods]
+impl PyTrajectory {
+    #[new]
+    #[pyo3(signature = (joint_names, t, q, qd=None, events=None))]
+    fn new(
+        joint_names: Vec<String>,
+        t: &Bound<'_, PyAny>,
+        q: &Bound<'_, PyAny>,
+        qd: Option<&Bound<'_, PyAny>>,
+        events: Option<Vec<Bound<'_, PyEvent>>>,
+    ) -> PyResult<Self> {
+        let n = joint_names.len();
+        let q = read_joint_rows(q, "q", n)?;
+        let qd = qd.map(|qd| read_joint_rows(qd, "qd", n)).transpose()?;
+        let events = events.unwrap_or_default().iter().map(|event| event.get().event.clone()).collect();
+        let trajectory = Trajectory::new(joint_names, read_vector(t, "t", None)?, q, qd, events);
+        trajectory.map(Self::from).map_err(to_py)
+    }
+
+    /// Reads a CSV file.
+    #[staticmethod]
+    fn from_csv(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        py.detach(|| Trajectory::from_csv(path)).map(Self::from).map_err(to_py)
+    }
+
+    /// Reads a JSON file.
+    #[staticmethod]
+    fn from_json(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        py.detach(|| Trajectory::from_json(path)).map(Self::from).map_err(to_py)
+    }
+
+    /// Reads an npz file.
+    #[staticmethod]
+    fn from_npz(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        read_npz(py, &path).map_err(|error| {
+            let (file, message) = (path.display().to_string(), error.to_string());
+            to_py(Error::File { file, message })
+        })
+    }
+
+    /// Writes a CSV file.
+    fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.trajectory.to_csv(path)).map_err(to_py)
+    }
+
+    /// Writes a JSON file.
+    fn to_json(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.trajectory.to_json(path)).map_err(to_py)
+    }
+
+    /// Writes an npz file.
+    fn to_npz(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let arrays = PyDict::new(py);
+        let events = self.trajectory.events();
+        let strings =
+            |words: Vec<&str>| py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U")));
+        arrays.set_item("joint_names", strings(self.joint_names())?)?;
+        arrays.set_item("t", self.t(py))?;
+        arrays.set_item("q", self.q(py)?)?;
+        arrays.set_item("qd", self.qd(py)?)?;
+        arrays.set_item("event_kind", strings(events.iter().map(|e| e.kind.as_str()).collect())?)?;
+        arrays.set_item("event_index", PyArray1::from_iter(py, events.iter().map(|e| e.index as i64)))?;
+        arrays.set_item("event_t", PyArray1::from_iter(py, events.iter().map(|e| e.t)))?;
+        arrays.set_item("event_s", PyArray1::from_iter(py, events.iter().map(|e| e.s)))?;
+        arrays.set_item("event_message", strings(events.iter().map(|e| e.message.as_str()).collect())?)?;
+        py.import("numpy")?.getattr("savez_compressed")?.call((path,), Some(&arrays))?;
+        Ok(())
+    }
+
+    /// Names of the joints.
+    #[getter]
+    fn joint_names(&self) -> Vec<&str> {
+        self.trajectory.joint_names().iter().map(String::as_str).collect()
+    }
+
+    /// Times.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.trajectory.t())
+    }
+
+    /// Joint positions.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, self.trajectory.q(), [self.trajectory.rows(), self.trajectory.dof()])
+    }
+
+    /// Joint velocities.
+    #[getter]
+    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, self.trajectory.qd(), [self.trajectory.rows(), self.trajectory.dof()])
+    }
+
+    /// What happened on the way.
+    #[getter]
+    fn events(&self) -> Vec<PyEvent> {
+        self.trajectory.events().iter().cloned().map(PyEvent::from).collect()
+    }
+
+    fn __len__(&self) -> usize {
+        self.trajectory.rows()
+    }
+
+    fn __repr__(&self) -> String {
+        let t = self.trajectory.t();
+        let duration = t.last().zip(t.first()).map_or(0.0, |(last, first)| last - first);
+        let (rows, dof, events) = (t.len(), self.trajectory.dof(), self.trajectory.events().len());
+        format!("Trajectory({rows} rows of {dof} joints, {duration} s, {events} events)")
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let events = PyList::new(py, self.events())?;
+        let parts = (self.joint_names(), self.t(py), self.q(py)?, self.qd(py)?, events);
+        Ok((py.get_type::<Self>(), parts.into_pyobject(py)?))
+    }
+}
+
+/// `(N, n)` joint rows, flattened.
+fn read_joint_rows(object: &Bound<'_, PyAny>, what: &str, n: usize) -> PyResult<Vec<f64>> {
+    let rows = read_rows(object, what, &[n])?;
+    match rows.batch {
+        Some(_) => Ok(rows.as_slice()?.to_vec()),
+        None => Err(to_py(Error::Invalid(format!("{what} has shape ({n},), expected (N, {n})")))),
+    }
+}
+
+fn read_npz(py: Python<'_>, path: &std::path::Path) -> PyResult<PyTrajectory> {
+    let file = py.import("numpy")?.getattr("load")?.call1((path,))?;
+    let read = || -> PyResult<PyTrajectory> {
+        let names: Vec<String> = file.get_item("joint_names")?.call_method0("tolist")?.extract()?;
+        let column = |name: &str| file.get_item(name)?.call_method0("tolist");
+        let kinds: Vec<String> = column("event_kind")?.extract()?;
+        let indices: Vec<usize> = column("event_index")?.extract()?;
+        let (t, s): (Vec<f64>, Vec<f64>) = (column("event_t")?.extract()?, column("event_s")?.extract()?);
+        let messages: Vec<String> = column("event_message")?.extract()?;
+        let count = kinds.len();
+        if [indices.len(), t.len(), s.len(), messages.len()].iter().any(|n| *n != count) {
+            return Err(PyIndexError::new_err("the event columns differ in length"));
+        }
+        let events = kinds.iter().zip(indices).zip(t).zip(s).zip(messages);
+        let events = events.map(|((((kind, index), t), s), message)| {
+            PyEvent::new(kind, index, t, s, message).and_then(|event| Bound::new(py, event))
+        });
+        let events = events.collect::<PyResult<Vec<_>>>()?;
+        let (q, qd) = (file.get_item("q")?, file.get_item("qd")?);
+        PyTrajectory::new(names, &file.get_item("t")?, &q, Some(&qd), Some(events))
+    };
+    let result = read();
+    file.call_method0("close")?;
+    result
+}
+
+/// Times for joint rows from velocity limits.
+#[pyfunction]
+#[pyo3(name = "times_within_limits", signature = (q, velocity_limits, *, velocity_fraction=0.9, smoothing=10))]
+pub fn py_times_within_limits<'py>(
+    py: Python<'py>,
+    q: &Bound<'py, PyAny>,
+    velocity_limits: &Bound<'py, PyAny>,
+    velocity_fraction: f64,
+    smoothing: usize,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let limits = read_vector(velocity_limits, "velocity_limits", None)?;
+    let q = read_joint_rows(q, "q", limits.len())?;
+    let settings = TimingSettings { velocity_fraction, smoothing };
+    let t = times_within_limits(&q, &limits, settings).map_err(to_py)?;
+    Ok(PyArray1::from_vec(py, t))
+}
