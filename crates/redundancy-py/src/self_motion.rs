@@ -437,7 +437,7 @@ impl PyChoice {
     }
 }
 
-fn signs_of(branch: usize) -> [i8; 3] {
+pub fn signs_of(branch: usize) -> [i8; 3] {
     [4, 2, 1].map(|bit| if branch & bit == 0 { 1 } else { -1 })
 }
 
