@@ -24,7 +24,9 @@ use super::joint::{Inertia, JointKind, Limits};
 use crate::error::{Error, Result};
 use crate::pose::{Pose, pose};
 
-const ARMS: [(&str, fn() -> Result<Chain>); 7] = [
+type Maker = fn() -> Result<Chain>;
+
+const ARMS: [(&str, Maker); 7] = [
     ("dexter", dexter),
     ("iiwa14", iiwa14),
     ("pa10", pa10),
@@ -66,9 +68,9 @@ pub fn load(name: &str) -> Result<Chain> {
 ///
 /// - Geometry: `[Moore2010]`, fig. 6: shoulder at 0.315 m, upper arm 0.45 m, forearm 0.5 m, tool 0.08 m; axes
 ///   z, y, z, y, z, y, z when stretched upwards.
-/// - Limits: Mitsubishi Heavy Industries, PA10 general-purpose robot, specification of the PA10-7C: positions
-///   +-177, 91, 174, 137, 255, 165, 360 deg; speeds 57, 57, 114, 114, 360, 360, 360 deg/s (1, 1, 2, 2, 2 pi,
-///   2 pi, 2 pi rad/s, rounded). Torque limits are not published.
+/// - Position limits: those of the PA10-7C, +-177, 91, 174, 137, 255, 165, 360 deg.
+/// - Speed limits: 57, 57, 114, 114, 360, 360, 360 deg/s (1, 1, 2, 2, 2 pi, 2 pi, 2 pi rad/s, rounded), as quoted for
+///   the PA10-7C in the literature; not checked against the maker's data sheet. Torque limits are not published.
 fn pa10() -> Result<Chain> {
     let range = [177.0, 91.0, 174.0, 137.0, 255.0, 165.0, 360.0].map(f64::to_radians);
     let speed = [57.0, 57.0, 114.0, 114.0, 360.0, 360.0, 360.0].map(f64::to_radians);
@@ -93,7 +95,7 @@ fn pa10() -> Result<Chain> {
 ///   along the column as in the URDF that Drake ships (`RobotLocomotion/drake`,
 ///   `manipulation/models/iiwa_description/urdf/iiwa14_no_collision.urdf`, BSD-3), with all frames turned parallel
 ///   to the base: axes z, y, z, -y, z, y, z.
-/// - Limits: the same specification: +-170, 120, 170, 120, 170, 120, 175 deg; 85, 85, 100, 75, 130, 135, 135 deg/s;
+/// - Limits: KUKA, 'Sensitive robotics LBR iiwa' brochure, axis data: +-170, 120, 170, 120, 170, 120, 175 deg; 85, 85, 100, 75, 130, 135, 135 deg/s;
 ///   320, 320, 176, 176, 110, 40, 40 N m.
 /// - Inertias: that Drake URDF, its frames turned as above. KUKA publishes none; these are Drake's values, fitted to
 ///   the weight of the real arm. Good for simulation, not for identification.
@@ -225,9 +227,9 @@ fn dexter() -> Result<Chain> {
 
 /// Unimation PUMA 560, base frame at the shoulder, standard D-H.
 ///
-/// - Geometry, masses, inertias, gear ratios, motor inertias and torque limits: the parameters that Corke and
-///   Armstrong-Helouvry compiled `[Corke1994]`, as used by `[From2007]`'s experiment (ground truth of the project).
-///   The inertia of a rotor at its joint is gear ratio squared times motor inertia; friction is left out.
+/// - Geometry, masses, inertias, gear ratios, motor inertias and torque limits: `[Corke1994]`, the numbers with which
+///   the experiment of `[From2009]` was rebuilt. The inertia of a rotor at its joint is gear ratio squared times
+///   motor inertia; friction is left out.
 /// - Position limits in these D-H angles: +-160, -45..225, -232..52, +-140, +-100, +-266 deg.
 /// - Velocity limits are not published with that set.
 fn puma560() -> Result<Chain> {

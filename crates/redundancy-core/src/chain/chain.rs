@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use super::joint::{Inertia, Joint, JointKind, Limits};
-use crate::error::{Error, Result, check_length, check_vector};
+use crate::error::{Error, Result, check_finite, check_length};
 use crate::pose::{Pose, pose};
 
 /// A row of moving joints from base to tip, with limits, inertias, base and tool transforms.
@@ -156,6 +156,15 @@ impl Chain {
     ///
     /// # Errors
     /// Wrong length, inverted or NaN limits, velocity, acceleration or effort that is not positive.
+    ///
+    /// ```
+    /// use redundancy_core::chain::{Limits, catalog};
+    /// let arm = catalog::load("planar3r")?;
+    /// let slow = arm.with_limits(&[Limits { velocity: 0.5, ..Limits::NONE }; 3])?;
+    /// assert_eq!(slow.joints()[2].limits.velocity, 0.5);
+    /// assert!(arm.with_limits(&[Limits { lower: 1.0, upper: 0.0, ..Limits::NONE }; 3]).is_err());
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
     pub fn with_limits(&self, limits: &[Limits]) -> Result<Self> {
         if limits.len() != self.dof() {
             return Err(Error::Length { what: "limits".into(), expected: self.dof(), actual: limits.len() });
@@ -191,7 +200,8 @@ impl Chain {
     /// # Errors
     /// Wrong length or an entry that is not finite.
     pub fn check_q(&self, q: &[f64]) -> Result<()> {
-        check_vector("q", q, self.dof())
+        self.check_dof("q", q)?;
+        check_finite("q", q)
     }
 
     /// Checks only the number of entries of `q`.
