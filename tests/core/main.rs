@@ -3,6 +3,9 @@
 // clippy.toml covers `#[test]` functions only; here every function is part of a test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+// The helpers of tests may fail as loudly as the tests.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
 mod allocations;
 mod chain;
 mod chain_catalog;
