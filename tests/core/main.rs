@@ -9,5 +9,6 @@ mod chain_catalog;
 mod chain_urdf;
 mod kinematics;
 mod path;
+mod planning;
 mod self_motion;
 mod support;

@@ -21,6 +21,7 @@ pub mod chain;
 pub mod criterion;
 pub mod kinematics;
 pub mod path;
+pub mod planning;
 pub mod rotation;
 pub mod self_motion;
 pub mod tolerance;

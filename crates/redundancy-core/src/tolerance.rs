@@ -104,3 +104,7 @@ pub const URDF_NAMESPACES: usize = 256;
 /// Largest angle, rad, that the crate's own sine and cosine reduce: its count of quarter turns stays below 2^20, so
 /// that the products of the reduction are exact. No joint turns that far; the C library takes the rest.
 pub const REDUCTION_LIMIT: f64 = 1e6;
+
+/// A joint step (rad) between neighbouring points of a path above which the arm is said to jump: an eighth of a turn. A
+/// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
+pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;

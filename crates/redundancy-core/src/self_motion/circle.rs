@@ -85,6 +85,14 @@ impl SelfMotion {
         }
     }
 
+    /// All eight branches at swivel `s` (finite), in principal values, whatever the limits.
+    pub(crate) fn all_branches(&self, s: f64) -> [[f64; 7]; 8] {
+        let (sin, cos) = s.sin_cos();
+        let mut out = [[0.0; 7]; 8];
+        self.circle.all_branches(&self.arm.inner.geometry, [cos, sin], &mut out);
+        out
+    }
+
     /// Indices of [`SelfMotion::branches`].
     pub(super) fn branch_indices(&self) -> impl Iterator<Item = usize> + use<> {
         let reachable = self.reach == Reach::Inside;

@@ -1,0 +1,5 @@
+//! Whole paths.
+
+mod swivel_plan;
+
+pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};

@@ -1,0 +1,689 @@
+//! The swivel along a whole path.
+//!
+//! # Problem
+//! Over each point of a path an S-R-S arm has up to eight circles of configurations, cut by the joint limits into arcs.
+//! Wanted is one swivel per point, on one branch and with continuous windings, that keeps away from the limits and
+//! moves little:
+//!
+//! `sum_k D_k (w_l L(q_k) + w_s S(s_k)) + w_m sum_k |q_{k+1} - q_k|^2 / D_k`, `L = sum_i (x_i^2 / (1 - x_i^2))^2`
+//!
+//! with `x` the position in the joint range (-1 and 1 at the limits), `S = 1 - cos(s - desired)` and `D` the part of
+//! the path (or of the time) between neighbours. The second sum is the rate term that the paper's functional
+//! [Moore2010, eq. (29)] lacks: without it the problem is pointwise and the swivel may jump.
+//!
+//! # Method
+//! 1. Dynamic programming over the periodic grid points x swivels, all branches and windings. A step that is faster than
+//!    the joints may be does not exist. A reconfiguration costs more than any path, so there are as few as possible.
+//! 2. The chosen line is refined in a tube around itself, whose width shrinks: no staircase of grid cells remains.
+//!
+//! Cost: linear in points and swivels; the circle of each point is computed once, for all branches.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result, check_finite};
+use crate::pose::{Pose, check_pose};
+use crate::self_motion::{SelfMotion, SrsArm};
+use crate::status::Status;
+use crate::tolerance::JOINT_JUMP;
+
+/// Which swivel is wanted.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SwivelChoice {
+    /// The planner chooses.
+    Free,
+    /// The planner chooses, near to one angle for all points or one for each, rad.
+    Near(Vec<f64>),
+    /// Exactly one angle for all points or one for each, rad; only branch and windings are chosen.
+    Fixed(Vec<f64>),
+}
+
+/// Settings of [`plan_swivel`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwivelPlanSettings {
+    /// Grid cells of the circle.
+    pub swivels: usize,
+    /// Which swivel is wanted.
+    pub choice: SwivelChoice,
+    /// Only this branch, `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
+    pub branch: Option<usize>,
+    /// Distance that is kept from every joint limit, rad.
+    pub margin: f64,
+    /// Weight of the distance from the limits.
+    pub limit_weight: f64,
+    /// Weight of the joint motion.
+    pub motion_weight: f64,
+    /// Weight of the distance from a wished swivel.
+    pub swivel_weight: f64,
+    /// Largest joint speeds, rad/s; used when the path has times. `None` is off.
+    pub velocity_limits: Option<Vec<f64>>,
+}
+
+impl Default for SwivelPlanSettings {
+    fn default() -> Self {
+        Self {
+            swivels: 180,
+            choice: SwivelChoice::Free,
+            branch: None,
+            margin: 0.0,
+            limit_weight: 1.0,
+            motion_weight: 0.05,
+            swivel_weight: 10.0,
+            velocity_limits: None,
+        }
+    }
+}
+
+impl SwivelPlanSettings {
+    /// Checks the settings against a path of `points` points.
+    ///
+    /// # Errors
+    /// A number out of its range; the message names it and the bound.
+    pub fn validate(&self, points: usize) -> Result<()> {
+        let out = |what: &str, value: f64, bound: &str| {
+            Err(Error::OutOfRange { what: what.into(), value, bound: bound.into() })
+        };
+        if !(8..=7_200).contains(&self.swivels) {
+            return out("swivels", self.swivels as f64, "between 8 and 7200");
+        }
+        if let Some(branch) = self.branch
+            && branch > 7
+        {
+            return out("branch index", branch as f64, "<= 7");
+        }
+        for (what, value) in [
+            ("margin", self.margin),
+            ("limit_weight", self.limit_weight),
+            ("motion_weight", self.motion_weight),
+            ("swivel_weight", self.swivel_weight),
+        ] {
+            if !value.is_finite() || value < 0.0 {
+                return out(what, value, "finite and >= 0");
+            }
+        }
+        if let SwivelChoice::Near(s) | SwivelChoice::Fixed(s) = &self.choice {
+            check_finite("swivel", s)?;
+            if s.len() != 1 && s.len() != points {
+                return Err(Error::Length { what: "swivel".into(), expected: points, actual: s.len() });
+            }
+        }
+        if let Some(limits) = &self.velocity_limits {
+            crate::error::check_length("velocity_limits", limits, 7)?;
+            if let Some(i) = limits.iter().position(|v| v.is_nan() || *v <= 0.0) {
+                return out(&format!("velocity limit {i}"), limits[i], "> 0");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A swivel for every point of a path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwivelPlan {
+    /// `Converged`; `Infeasible` when it takes reconfigurations; `Unreachable` or `Limits` when some points have no
+    /// configuration at all (then there are no rows).
+    pub status: Status,
+    /// Why it is not `Converged`: which points and what is in the way.
+    pub reason: String,
+    /// Joint positions, one row per point.
+    pub q: Vec<[f64; 7]>,
+    /// Swivel of each point, rad, continuous (unwound).
+    pub swivel: Vec<f64>,
+    /// Branch of each point.
+    pub branch: Vec<usize>,
+    /// Points before which the arm must change its configuration.
+    pub reconfigurations: Vec<usize>,
+    /// Points without any configuration within the limits.
+    pub blocked: Vec<usize>,
+}
+
+/// Plans the swivel along `poses`. With times `t` (s, ascending) the joint velocity limits of the settings hold between
+/// neighbouring points; without, a joint step of more than [`JOINT_JUMP`] counts as a jump.
+///
+/// `progress` is called with the share of the work done, in `[0, 1]`; returning `false` stops with `Cancelled`.
+///
+/// # Errors
+/// No pose, a pose that is not rigid or finite, times of another length or not ascending, invalid settings.
+pub fn plan_swivel(
+    arm: &SrsArm,
+    poses: &[Pose],
+    t: Option<&[f64]>,
+    settings: &SwivelPlanSettings,
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<SwivelPlan> {
+    settings.validate(poses.len())?;
+    if poses.is_empty() {
+        return Err(Error::Invalid("the path has no points".into()));
+    }
+    for (i, pose) in poses.iter().enumerate() {
+        check_pose(&format!("pose {i}"), pose)?;
+    }
+    if let Some(t) = t {
+        crate::error::check_vector("t", t, poses.len())?;
+        if let Some(i) = t.windows(2).position(|w| w[1] <= w[0]) {
+            return Err(Error::Invalid(format!(
+                "t[{}] = {} is not after t[{i}] = {}",
+                i + 1,
+                t[i + 1],
+                t[i]
+            )));
+        }
+    }
+    let circles: Vec<SelfMotion> = poses.iter().map(|pose| arm.self_motion(pose)).collect::<Result<_>>()?;
+    let problem = Problem::new(arm, t, settings, circles);
+    if let Some(plan) = problem.blocked() {
+        return Ok(plan);
+    }
+    let Some(line) = problem.search(progress) else {
+        return Ok(SwivelPlan {
+            status: Status::Cancelled,
+            reason: "stopped by the caller".into(),
+            ..empty()
+        });
+    };
+    Ok(problem.finish(line))
+}
+
+fn empty() -> SwivelPlan {
+    SwivelPlan {
+        status: Status::Converged,
+        reason: String::new(),
+        q: Vec::new(),
+        swivel: Vec::new(),
+        branch: Vec::new(),
+        reconfigurations: Vec::new(),
+        blocked: Vec::new(),
+    }
+}
+
+/// Dearer than any path: the fewest reconfigurations come first.
+const RECONFIGURATION: f64 = 1e9;
+/// Largest value of the limit term of one joint: at the limit itself it would be infinite.
+const LIMIT_CAP: f64 = 1e3;
+/// Passes in the tube around the chosen line.
+const TUBE_PASSES: usize = 30;
+/// Spacing of the swivels in the tube (rad) at which the line is smooth enough.
+const TUBE_SPACING: f64 = 5e-5;
+/// Swivels across the tube, odd.
+const TUBE_WIDTH: usize = 9;
+
+/// One grid node: the principal values of a branch at a swivel, and which windings hold the limits.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    q: [f64; 7],
+    windings: u64,
+}
+
+/// Windings as one number: digit i is the turns added to joint i, less the least that its limits admit.
+struct Windings {
+    least: [i32; 7],
+    count: [usize; 7],
+    stride: [usize; 7],
+    total: usize,
+}
+
+struct Problem<'a> {
+    arm: &'a SrsArm,
+    settings: &'a SwivelPlanSettings,
+    circles: Vec<SelfMotion>,
+    lower: [f64; 7],
+    upper: [f64; 7],
+    /// Part of the path between point k and k + 1.
+    parts: Vec<f64>,
+    /// Largest joint steps between point k and k + 1.
+    steps: Vec<[f64; 7]>,
+    windings: Windings,
+    branches: Vec<usize>,
+}
+
+/// A choice for every point.
+struct Line {
+    branch: Vec<usize>,
+    swivel: Vec<f64>,
+    q: Vec<[f64; 7]>,
+    reconfigurations: Vec<usize>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(
+        arm: &'a SrsArm,
+        t: Option<&[f64]>,
+        settings: &'a SwivelPlanSettings,
+        circles: Vec<SelfMotion>,
+    ) -> Self {
+        let n = circles.len();
+        let (mut lower, mut upper) = ([0.0; 7], [0.0; 7]);
+        for i in 0..7 {
+            lower[i] = arm.chain().lower()[i] + settings.margin;
+            upper[i] = arm.chain().upper()[i] - settings.margin;
+        }
+        let total = t.map_or((n - 1).max(1) as f64, |t| t[n - 1] - t[0]);
+        let gaps = (1..n).map(|k| t.map_or(1.0, |t| t[k] - t[k - 1]));
+        let parts = gaps.clone().map(|gap| gap / total).collect();
+        let steps = gaps
+            .map(|gap| match (&settings.velocity_limits, t) {
+                (Some(v), Some(_)) => std::array::from_fn(|i| (v[i] * gap).min(JOINT_JUMP)),
+                _ => [JOINT_JUMP; 7],
+            })
+            .collect();
+        let windings = Windings::new(&lower, &upper);
+        let branches = settings.branch.map_or((0..8).collect(), |b| vec![b]);
+        Self { arm, settings, circles, lower, upper, parts, steps, windings, branches }
+    }
+
+    /// The plan that says so, when points have no configuration within the limits.
+    fn blocked(&self) -> Option<SwivelPlan> {
+        let blocked: Vec<usize> =
+            (0..self.circles.len()).filter(|k| self.circles[*k].status() != Status::Converged).collect();
+        let k = *blocked.first()?;
+        let (count, n, motion) = (blocked.len(), self.circles.len(), &self.circles[k]);
+        let verb = if count == 1 { "has" } else { "have" };
+        let reason = motion.reason();
+        let reason =
+            format!("{count} of {n} points {verb} no configuration; the first is point {k}: {reason}");
+        Some(SwivelPlan { status: motion.status(), reason, blocked, ..empty() })
+    }
+
+    /// Swivels of the grid at point `k`.
+    fn grid(&self, k: usize) -> Vec<f64> {
+        match &self.settings.choice {
+            SwivelChoice::Fixed(s) => vec![if s.len() == 1 { s[0] } else { s[k] }],
+            _ => (0..self.settings.swivels).map(|i| TAU * i as f64 / self.settings.swivels as f64).collect(),
+        }
+    }
+
+    fn node(&self, q: &[f64; 7]) -> Node {
+        let mut windings = 0;
+        for code in 0..self.windings.total {
+            let turns = self.windings.turns(code);
+            let holds = (0..7).all(|i| {
+                let at = q[i] + TAU * turns[i];
+                at >= self.lower[i] && at <= self.upper[i]
+            });
+            windings |= u64::from(holds) << code;
+        }
+        Node { q: *q, windings }
+    }
+
+    /// All nodes of a point, branch after branch.
+    fn nodes(&self, k: usize) -> Vec<Node> {
+        let grid = self.grid(k);
+        let dead = Node { q: [0.0; 7], windings: 0 };
+        let mut nodes = vec![dead; self.branches.len() * grid.len()];
+        for (j, s) in grid.iter().enumerate() {
+            let all = self.circles[k].all_branches(*s);
+            for (b, branch) in self.branches.iter().enumerate() {
+                nodes[b * grid.len() + j] = self.node(&all[*branch]);
+            }
+        }
+        nodes
+    }
+
+    /// Cost of being at `q` with swivel `s` at point `k`, times the part of the path that belongs to the point.
+    fn node_cost(&self, k: usize, q: &[f64; 7], s: f64) -> f64 {
+        let mut cost = 0.0;
+        for i in 0..7 {
+            let half = 0.5 * (self.upper[i] - self.lower[i]);
+            if half.is_finite() && half > 0.0 {
+                let x = (q[i] - self.lower[i]) / half - 1.0;
+                let nearness = (x * x / (1.0 - x * x).max(1e-9)).min(LIMIT_CAP);
+                cost += self.settings.limit_weight * nearness * nearness;
+            }
+        }
+        if let SwivelChoice::Near(wish) = &self.settings.choice {
+            let wish = if wish.len() == 1 { wish[0] } else { wish[k] };
+            cost += self.settings.swivel_weight * (1.0 - (s - wish).cos());
+        }
+        let before = if k > 0 { self.parts[k - 1] } else { 0.0 };
+        let after = self.parts.get(k).copied().unwrap_or(0.0);
+        cost * (0.5 * (before + after)).max(f64::MIN_POSITIVE)
+    }
+
+    /// Cost of the joint step between points `k` and `k + 1`; `None` when it is too large.
+    #[inline(always)]
+    fn step_cost(&self, k: usize, a: &[f64; 7], b: &[f64; 7]) -> Option<f64> {
+        let limits = &self.steps[k];
+        let mut sum = 0.0;
+        for i in 0..7 {
+            let step = b[i] - a[i];
+            if step.abs() > limits[i] {
+                return None;
+            }
+            sum += step * step;
+        }
+        Some(self.settings.motion_weight * sum / self.parts[k])
+    }
+
+    /// Dynamic programming over the grid.
+    fn search(&self, progress: &mut dyn FnMut(f64) -> bool) -> Option<Line> {
+        const BLOCK: usize = 64;
+        let n = self.circles.len();
+        let cells = self.grid(0).len();
+        let (states, codes) = (self.branches.len() * cells, self.windings.total);
+        // Cells that one step may cross: all of them would be exact, but a step has only so much time.
+        let reach = if cells == 1 { 0 } else { (cells / 45 + 400 / n.max(10)).min(cells / 2) as isize };
+        let mut previous: Vec<Node> = Vec::new();
+        let mut cost = vec![f64::INFINITY; states * codes];
+        // Where a state came from: source state * codes + code, or none at the start; and jumps.
+        let mut came: Vec<Vec<u32>> = Vec::with_capacity(n);
+        for start in (0..n).step_by(BLOCK) {
+            let end = n.min(start + BLOCK);
+            let block: Vec<Vec<Node>> = (start..end).into_par_iter().map(|k| self.nodes(k)).collect();
+            for (k, nodes) in (start..end).zip(block) {
+                let grid = self.grid(k);
+                let mut next = vec![f64::INFINITY; states * codes];
+                let mut from = vec![NONE; states * codes];
+                // The cheapest end so far, for reconfigurations.
+                let cheapest = (0..cost.len()).min_by(|a, b| cost[*a].total_cmp(&cost[*b])).unwrap_or(0);
+                let update = |(state, (next, from)): (usize, (&mut [f64], &mut [u32]))| {
+                    let node = &nodes[state];
+                    if node.windings == 0 {
+                        return;
+                    }
+                    let (branch, cell) = (state / cells, state % cells);
+                    if k > 0 {
+                        for offset in -reach..=reach {
+                            let other =
+                                branch * cells + (cell as isize + offset).rem_euclid(cells as isize) as usize;
+                            let source = &previous[other];
+                            if source.windings != 0 {
+                                self.relax(k - 1, (other, source), node, &cost, next, from);
+                            }
+                        }
+                    }
+                    for code in 0..codes {
+                        if node.windings & (1 << code) == 0 {
+                            continue;
+                        }
+                        let jump = if k == 0 { 0.0 } else { cost[cheapest] + RECONFIGURATION };
+                        if k == 0 || jump < next[code] {
+                            (next[code], from[code]) =
+                                (jump, if k == 0 { NONE } else { JUMP | cheapest as u32 });
+                        }
+                        let turns = self.windings.turns(code);
+                        let q = std::array::from_fn(|i| node.q[i] + TAU * turns[i]);
+                        next[code] += self.node_cost(k, &q, grid[cell]);
+                    }
+                };
+                let rows = next.par_chunks_mut(codes).zip(from.par_chunks_mut(codes)).enumerate();
+                rows.with_min_len(64).for_each(update);
+                if next.iter().all(|c| !c.is_finite()) {
+                    // No node at all at this point (a fixed swivel or branch): stop here, the rest cannot be reached.
+                    return Some(self.backtrack(&came, &cost, k));
+                }
+                came.push(from);
+                cost = next;
+                previous = nodes;
+            }
+            if !progress(0.9 * end as f64 / n as f64) {
+                return None;
+            }
+        }
+        let line = self.backtrack(&came, &cost, n);
+        let line = if cells > 1 { self.smooth(line) } else { line };
+        progress(1.0).then_some(line)
+    }
+
+    /// Offers `node` at point `k + 1` all windings of `source` at point `k`.
+    #[inline(always)]
+    fn relax(
+        &self,
+        k: usize,
+        (index, source): (usize, &Node),
+        node: &Node,
+        cost: &[f64],
+        next: &mut [f64],
+        from: &mut [u32],
+    ) {
+        let codes = self.windings.total;
+        // The joints take the short way; principal values that wrap change the winding.
+        let (mut target, mut shift) = (node.q, [0i32; 7]);
+        let mut shifted = false;
+        for i in 0..7 {
+            let step = node.q[i] - source.q[i];
+            if step.abs() > TAU / 2.0 {
+                // node.q + TAU k = target + TAU (k + shift).
+                shift[i] = if step > 0.0 { 1 } else { -1 };
+                target[i] -= TAU * f64::from(shift[i]);
+                shifted = true;
+            }
+        }
+        let Some(step) = self.step_cost(k, &source.q, &target) else { return };
+        let mut left = node.windings;
+        while left != 0 {
+            let code = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let before = if shifted { self.windings.shifted(code, &shift) } else { Some(code) };
+            let Some(before) = before.filter(|c| source.windings & (1 << c) != 0) else { continue };
+            let total = cost[index * codes + before] + step;
+            if total < next[code] {
+                (next[code], from[code]) = (total, (index * codes + before) as u32);
+            }
+        }
+    }
+
+    /// The cheapest line through points `0..end`.
+    fn backtrack(&self, came: &[Vec<u32>], cost: &[f64], end: usize) -> Line {
+        let codes = self.windings.total;
+        let mut line =
+            Line { branch: Vec::new(), swivel: Vec::new(), q: Vec::new(), reconfigurations: Vec::new() };
+        if end == 0 {
+            return line;
+        }
+        let mut at = (0..cost.len()).min_by(|a, b| cost[*a].total_cmp(&cost[*b])).unwrap_or(0);
+        for k in (0..end).rev() {
+            let grid = self.grid(k);
+            let (state, code) = (at / codes, at % codes);
+            let (branch, s) = (self.branches[state / grid.len()], grid[state % grid.len()]);
+            let turns = self.windings.turns(code);
+            let q = self.circles[k].all_branches(s)[branch];
+            line.branch.push(branch);
+            line.swivel.push(s);
+            line.q.push(std::array::from_fn(|i| q[i] + TAU * turns[i]));
+            let from = came[k][at];
+            if from != NONE && from & JUMP != 0 {
+                line.reconfigurations.push(k);
+            }
+            at = (from & !JUMP) as usize;
+        }
+        line.branch.reverse();
+        line.swivel.reverse();
+        line.q.reverse();
+        line.reconfigurations.reverse();
+        for k in 1..end {
+            let step = line.swivel[k] - line.swivel[k - 1];
+            line.swivel[k] -= TAU * (step / TAU).round();
+        }
+        line
+    }
+
+    /// Dynamic programming in a tube around the line, which shrinks.
+    fn smooth(&self, mut line: Line) -> Line {
+        let n = line.q.len();
+        let mut spacing = TAU / self.settings.swivels as f64 / 2.0;
+        for _ in 0..TUBE_PASSES {
+            let offset = |j: usize| spacing * (j as f64 - (TUBE_WIDTH / 2) as f64);
+            // Joint positions across the tube, unwound along the line; none where a limit is broken.
+            let rows: Vec<[Option<[f64; 7]>; TUBE_WIDTH]> = (0..n)
+                .into_par_iter()
+                .map(|k| {
+                    std::array::from_fn(|j| {
+                        let all = self.circles[k].all_branches(line.swivel[k] + offset(j));
+                        let q: [f64; 7] = std::array::from_fn(|i| {
+                            let q = all[line.branch[k]][i];
+                            q + TAU * ((line.q[k][i] - q) / TAU).round()
+                        });
+                        (0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]).then_some(q)
+                    })
+                })
+                .collect();
+            let mut cost = [f64::INFINITY; TUBE_WIDTH];
+            let mut came: Vec<[usize; TUBE_WIDTH]> = Vec::with_capacity(n);
+            for k in 0..n {
+                let mut next = [f64::INFINITY; TUBE_WIDTH];
+                let mut from = [0; TUBE_WIDTH];
+                let cheapest = (0..TUBE_WIDTH).min_by(|a, b| cost[*a].total_cmp(&cost[*b])).unwrap_or(0);
+                let fresh = k == 0 || line.reconfigurations.binary_search(&k).is_ok();
+                for j in 0..TUBE_WIDTH {
+                    let Some(q) = &rows[k][j] else { continue };
+                    if fresh {
+                        (next[j], from[j]) = (if k == 0 { 0.0 } else { cost[cheapest] }, cheapest);
+                    } else {
+                        for i in 0..TUBE_WIDTH {
+                            if let Some(step) =
+                                rows[k - 1][i].as_ref().and_then(|p| self.step_cost(k - 1, p, q))
+                            {
+                                let total = cost[i] + step;
+                                if total < next[j] {
+                                    (next[j], from[j]) = (total, i);
+                                }
+                            }
+                        }
+                    }
+                    next[j] += self.node_cost(k, q, line.swivel[k] + offset(j));
+                }
+                came.push(from);
+                cost = next;
+            }
+            let mut j = (0..TUBE_WIDTH).min_by(|a, b| cost[*a].total_cmp(&cost[*b])).unwrap_or(0);
+            if !cost[j].is_finite() {
+                return line;
+            }
+            let mut edge = false;
+            for k in (0..n).rev() {
+                if let Some(q) = rows[k][j] {
+                    line.q[k] = q;
+                    line.swivel[k] += offset(j);
+                    edge |= j == 0 || j == TUBE_WIDTH - 1;
+                }
+                j = came[k][j];
+            }
+            // The line wants to leave the tube: follow it before narrowing.
+            spacing *= if edge { 0.8 } else { 0.5 };
+            if spacing < TUBE_SPACING {
+                break;
+            }
+        }
+        line
+    }
+
+    /// The line as a plan, with the reason where it is not whole.
+    fn finish(&self, line: Line) -> SwivelPlan {
+        let n = self.circles.len();
+        let (status, reason) = if line.q.len() < n {
+            let k = line.q.len();
+            let what = match &self.settings.choice {
+                SwivelChoice::Fixed(_) => "the given swivel",
+                _ => "the given branch",
+            };
+            (
+                Status::Limits,
+                format!(
+                    "{what} holds the joint limits only up to point {k} of {n}: {}",
+                    self.nearest_miss(k)
+                ),
+            )
+        } else if let Some(k) = line.reconfigurations.first() {
+            let count = line.reconfigurations.len();
+            let times =
+                if count == 1 { "one reconfiguration".into() } else { format!("{count} reconfigurations") };
+            let miss = self.step_reason(*k, &line);
+            (
+                Status::Infeasible,
+                format!("no continuous solution: it takes {times}, the first before point {k}{miss}"),
+            )
+        } else {
+            (Status::Converged, String::new())
+        };
+        let blocked = if line.q.len() < n { vec![line.q.len()] } else { Vec::new() };
+        let Line { branch, swivel, q, reconfigurations } = line;
+        SwivelPlan { status, reason, q, swivel, branch, reconfigurations, blocked }
+    }
+
+    /// Which limits the branches break at the fixed swivel of point `k`, the least bad first.
+    fn nearest_miss(&self, k: usize) -> String {
+        let mut best = (f64::INFINITY, String::new());
+        for s in self.grid(k) {
+            let all = self.circles[k].all_branches(s);
+            for b in &self.branches {
+                let misses = (0..7).map(|i| {
+                    let above = all[*b][i] + TAU * ((self.lower[i] - all[*b][i]) / TAU).ceil();
+                    (above - self.upper[i]).max(0.0).min(self.lower[i] - above + TAU)
+                });
+                if let Some((i, miss)) = misses.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+                    && miss < best.0
+                {
+                    let name = &self.arm.chain().joints()[i].name;
+                    best = (miss, format!("at best joint '{name}' is {miss:.6} rad outside its limits"));
+                }
+            }
+        }
+        best.1
+    }
+
+    /// What stands in the way of going on as before at a reconfiguration.
+    fn step_reason(&self, k: usize, line: &Line) -> String {
+        let all = self.circles[k].all_branches(line.swivel[k - 1]);
+        let q = &all[line.branch[k - 1]];
+        for i in 0..7 {
+            let at = q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round();
+            let name = &self.arm.chain().joints()[i].name;
+            if at < self.lower[i] || at > self.upper[i] {
+                let (lower, upper) = (self.lower[i], self.upper[i]);
+                return format!(" (joint '{name}' would leave [{lower:.6}, {upper:.6}] rad)");
+            }
+            let step = (at - line.q[k - 1][i]).abs();
+            if step > self.steps[k - 1][i] {
+                return format!(
+                    " (joint '{name}' would have to step by {step:.6} rad, {:.6} may be)",
+                    self.steps[k - 1][i]
+                );
+            }
+        }
+        " (every way on ends at a joint limit)".into()
+    }
+}
+
+/// No predecessor.
+const NONE: u32 = u32::MAX;
+/// Flag of a predecessor that is left by a reconfiguration.
+const JUMP: u32 = 1 << 31;
+
+impl Windings {
+    fn new(lower: &[f64; 7], upper: &[f64; 7]) -> Self {
+        let (mut least, mut count, mut stride, mut total) = ([0; 7], [1; 7], [0; 7], 1usize);
+        for i in 0..7 {
+            // Principal values are in (-pi, pi]: turns k for which (-pi, pi] + k turns meets the range.
+            let (a, b) = (lower[i].max(-2.0 * TAU), upper[i].min(2.0 * TAU));
+            least[i] = ((a - TAU / 2.0) / TAU).ceil() as i32;
+            let most = ((b + TAU / 2.0) / TAU).floor() as i32;
+            count[i] = (most - least[i] + 1).clamp(1, 5) as usize;
+            // A code must fit the bits of a node; further windings are not used then.
+            if total * count[i] > 64 {
+                count[i] = 1;
+                least[i] = least[i].max(0).min(most);
+            }
+            stride[i] = total;
+            total *= count[i];
+        }
+        Self { least, count, stride, total }
+    }
+
+    fn turns(&self, code: usize) -> [f64; 7] {
+        std::array::from_fn(|i| f64::from(self.least[i] + (code / self.stride[i] % self.count[i]) as i32))
+    }
+
+    /// The code with `shift` more turns; `None` where a joint has no such winding.
+    fn shifted(&self, code: usize, shift: &[i32; 7]) -> Option<usize> {
+        let mut out = code;
+        for i in 0..7 {
+            let digit = (code / self.stride[i] % self.count[i]) as i32 + shift[i];
+            if digit < 0 || digit >= self.count[i] as i32 {
+                return None;
+            }
+            out = out.wrapping_add_signed(self.stride[i] as isize * shift[i] as isize);
+        }
+        Some(out)
+    }
+}
