@@ -2,6 +2,8 @@
 
 // clippy.toml covers `#[test]` functions only; here every function is part of a test.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+// Numbers as they stand in URDFs.
+#![allow(clippy::approx_constant)]
 
 mod allocations;
 mod chain;

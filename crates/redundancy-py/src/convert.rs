@@ -170,6 +170,7 @@ where
 }
 
 /// The memory of an array that [`new_array`] has just made and that nobody else has seen.
+#[allow(clippy::mut_from_ref)] // numpy arrays are cells; nobody else has seen this one
 pub fn writable<'a, T: Element, D: Dimension>(array: &'a Bound<'_, PyArray<T, D>>) -> PyResult<&'a mut [T]> {
     // SAFETY: callers pass a fresh array, so this is the only reference to its memory while it is being filled.
     Ok(unsafe { array.as_slice_mut()? })

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use super::joint::{Inertia, Joint, JointKind, Limits};
-use crate::error::{Error, Result, check_length, check_vector};
+use crate::error::{Error, Result, check_vector};
 use crate::pose::{Pose, pose};
 
 /// A row of moving joints from base to tip, with limits, inertias, base and tool transforms.
@@ -192,11 +192,6 @@ impl Chain {
     /// Wrong length or an entry that is not finite.
     pub fn check_q(&self, q: &[f64]) -> Result<()> {
         check_vector("q", q, self.dof())
-    }
-
-    /// Checks only the number of entries of `q`.
-    pub(crate) fn check_dof(&self, what: &str, q: &[f64]) -> Result<()> {
-        check_length(what, q, self.dof())
     }
 
     /// True when every joint of `q` is within its position limits, widened by `slack`.
