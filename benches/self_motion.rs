@@ -1,4 +1,5 @@
 //! The closed form of S-R-S arms: branches at a swivel, the self-motion object, exact feasible arcs, batches.
+#![allow(clippy::expect_used)] // a bench may stop
 
 use std::hint::black_box;
 

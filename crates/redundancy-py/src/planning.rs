@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use redundancy_core::Error;
 use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 
-use crate::convert::{new_array, read_vector, writable};
+use crate::convert::{read_vector, to_array};
 use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
 use crate::self_motion::{PySrsArm, signs_of};
@@ -28,11 +28,8 @@ impl PySwivelPlan {
     /// Signs (shoulder, elbow, wrist) of each row.
     #[getter]
     fn branch<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let array = new_array(py, [self.plan.branch.len(), 3]);
-        for (row, branch) in writable(&array)?.chunks_exact_mut(3).zip(&self.plan.branch) {
-            row.copy_from_slice(&signs_of(*branch));
-        }
-        Ok(array.into_any())
+        let signs: Vec<[i8; 3]> = self.plan.branch.iter().map(|branch| signs_of(*branch)).collect();
+        Ok(to_array(py, signs.as_flattened(), [signs.len(), 3])?.into_any())
     }
 
     /// Points before which the arm must change its configuration.

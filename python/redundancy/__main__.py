@@ -1,0 +1,5 @@
+"""`python -m redundancy`."""
+
+from redundancy.cli import main
+
+main()

@@ -1,0 +1,477 @@
+"""What the command line does. Needs the extra `cli`."""
+
+import json
+import sys
+import time
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path as File
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+import redundancy as rd
+from redundancy import plot
+
+DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
+
+# Points per step of the progress bar, and from how many points there is one.
+_CHUNK = 2_000
+_LONG = 5_000
+# Points that the swivel plot shows at most.
+_PLOTTED = 2_000
+
+_out = Console(highlight=False)
+_err = Console(stderr=True, highlight=False)
+
+app = typer.Typer(
+    name="redundancy",
+    help="What to do with a robot arm's spare freedom, along a whole path.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class CannotFollowError(Exception):
+    """The path is sound, the arm cannot follow it."""
+
+
+class StoppedError(Exception):
+    """Ctrl-C; the command line library would turn KeyboardInterrupt into exit status 1."""
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    try:
+        app(args=arguments, prog_name="redundancy")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else DONE
+    except CannotFollowError as error:
+        return _fail(CANNOT_FOLLOW, f"cannot be followed: {error}")
+    except (rd.RedundancyError, OSError) as error:
+        return _fail(BAD_INPUT, str(error))
+    except StoppedError:
+        return _fail(STOPPED, "stopped")
+    return DONE
+
+
+def _fail(status: int, message: str) -> int:
+    _err.print(f"[bold red]redundancy:[/] {escape(message)}", soft_wrap=True)
+    return status
+
+
+# --- robots -----------------------------------------------------------------------------------------------
+
+# What the numbers of the catalogue are taken from; the details are in docs/chain.md.
+SOURCES = {
+    "dexter": ("Scienza Machinale DEXTER", "Bettini, De Luca, Oriolo 2000"),
+    "iiwa14": ("KUKA LBR iiwa 14 R820", "KUKA specification; inertias of Drake's URDF"),
+    "pa10": ("Mitsubishi PA10-7C", "Moore, Oztop 2010; Mitsubishi specification"),
+    "panda": ("Franka Emika Panda", "Franka Control Interface; Gaz et al. 2019"),
+    "planar3r": ("planar arm, 3 links", "Park, Chung, Youm 1996"),
+    "planar4r": ("planar arm, 4 links", "Park, Chung, Youm 1996, a link added"),
+    "puma560": ("Unimation PUMA 560", "Corke, Armstrong-Helouvry 1994"),
+}
+
+
+@app.command()
+def robots() -> None:
+    """List the arms that are compiled in.
+
+    Reach is the length of the arm stretched out, from the base to the tool: no point further away can be reached.
+
+    Example:  redundancy robots
+    """
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in ("name", "arm", "joints", "reach (m)", "limits", "self-motion", "source"):
+        right = column in {"joints", "reach (m)"}
+        table.add_column(
+            column, overflow="fold", justify="right" if right else "left", no_wrap=column == "name"
+        )
+    for name in rd.catalog.names():
+        chain = rd.catalog.load(name)
+        known = {
+            "pos": np.r_[chain.lower, chain.upper],
+            "vel": chain.velocity_limit,
+            "acc": chain.acceleration_limit,
+            "torque": chain.effort_limit,
+        }
+        limits = " ".join(kind for kind, values in known.items() if np.isfinite(values).any()) or "none"
+        try:
+            rd.SrsArm(chain)
+            closed = "closed form"
+        except rd.NotSrsError:
+            closed = ""
+        arm, source = SOURCES.get(name, ("", ""))
+        table.add_row(name, arm, str(chain.dof), f"{_reach(chain):.3f}", limits, closed, source)
+    # Into a file or a pipe one line per robot, whatever the width.
+    console = _out if _out.is_terminal else Console(width=160, highlight=False)
+    console.print(table)
+
+
+def _reach(chain: rd.Chain) -> float:
+    """Distances from frame to frame, added up."""
+    zero = np.zeros(chain.dof)
+    points = [chain.forward(zero, link=link)[:3, 3] for link in chain.link_names]
+    points.append(chain.forward(zero)[:3, 3])
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+# --- track ------------------------------------------------------------------------------------------------
+
+
+@app.command()
+def track(
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    path: Annotated[File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz, and t (s) or s (m) where wanted.")],
+    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    swivel: Annotated[str, typer.Option(help="auto, or the wanted angle of the elbow in degrees.")] = "auto",
+    branch: Annotated[
+        str, typer.Option(help="auto, or signs of shoulder, elbow, wrist such as +++ or +-+.")
+    ] = "auto",
+    plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
+) -> None:
+    """Follow a path of tool poses with a seven-joint arm, away from the limits and without a jump.
+
+    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs.
+    Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
+
+    Example:  redundancy track --robot pa10 --path path.csv --out run/
+    Example:  redundancy track --robot arm.urdf --base base_link --tip tool0 --path path.csv --swivel 30 --out run/
+    """
+    Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots).run()
+
+
+@dataclass
+class Job:
+    """One run of `track`."""
+
+    robot: str
+    path_file: File
+    out: File
+    base: str | None = None
+    tip: str | None = None
+    desired: float | None = None
+    branch: tuple[int, int, int] | None = None
+    plots: bool = True
+    summary: dict[str, Any] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Read, check, plan, measure, write."""
+        try:
+            self._run()
+        except KeyboardInterrupt as error:
+            raise StoppedError from error
+
+    def _run(self) -> None:
+        begin = time.perf_counter()
+        chain = load_robot(self.robot, self.base, self.tip)
+        arm = rd.SrsArm(chain)
+        path = rd.Path.from_csv(self.path_file)
+        if not path.has_orientation:
+            message = (
+                f"{self.path_file}: the path has positions only; a 7-joint arm needs qw,qx,qy,qz as well"
+            )
+            raise rd.RedundancyError(message)
+        self.out.mkdir(parents=True, exist_ok=True)
+        self.summary = {
+            "robot": chain.name,
+            "robot_source": self.robot,
+            "path": str(self.path_file),
+            "points": len(path),
+            "length_m": path.length,
+            "swivel_wanted_rad": self.desired,
+        }
+        with _progress(len(path)) as progress:
+            try:
+                self._check(arm, path, progress)
+                plan = self._plan(arm, path, progress)
+            except CannotFollowError as failure:
+                self._give_up(arm, path, str(failure))
+                raise
+            self._measure(chain, path, plan, progress)
+            plan.to_csv(self.out / "trajectory.csv")
+            plan.to_json(self.out / "trajectory.json")
+            written = ["trajectory.csv", "trajectory.json", "summary.json"]
+            if self.plots:
+                self._draw(arm, path, plan)
+                written.append("track.png")
+        self.summary["seconds"] = time.perf_counter() - begin
+        self._write_summary()
+        self._report(written)
+
+    def _check(self, arm: rd.SrsArm, path: rd.Path, progress: Progress) -> None:
+        """Refuse points that no configuration reaches within the limits."""
+        poses, total = path.poses, len(path)
+        task = progress.add_task("reach and limits", total=total)
+        reached, held = np.zeros(total, bool), np.zeros(total, bool)
+        only = None if self.branch is None else _branch_index(self.branch)
+        for first in range(0, total, _CHUNK):
+            block = poses[first : first + _CHUNK]
+            reached[first : first + _CHUNK] = arm.solve_batch(block, 0.0, limits=False).valid.any(axis=1)
+            owners, _ = arm.intervals_batch(block)
+            rows = owners[:, 0] if only is None else owners[owners[:, 1] == only, 0]
+            held[first + rows] = True
+            progress.update(task, advance=len(block))
+        far, blocked = np.flatnonzero(~reached), np.flatnonzero(reached & ~held)
+        self.summary["unreachable_points"], self.summary["points_outside_limits"] = len(far), len(blocked)
+        if len(far) == 0 and len(blocked) == 0:
+            return
+        self.summary["status"] = "unreachable" if len(far) else "limits"
+        self.summary["first_point"] = int(min(np.r_[far[:1], blocked[:1]]))
+        which = "" if self.branch is None else f" on branch {_signs(self.branch)}"
+        reasons = []
+        for points, what in (
+            (far, "out of reach"),
+            (blocked, f"reachable only outside the joint limits{which}"),
+        ):
+            if len(points):
+                first = int(points[0])
+                place = ", ".join(f"{x:.4f}" for x in poses[first, :3, 3])
+                verb = "is" if len(points) == 1 else "are"
+                reason = (
+                    f"{len(points)} of {total} points {verb} {what}, the first is point {first} ({place})"
+                )
+                why = arm.self_motion(poses[first]).reason
+                reasons.append(f"{reason}: {why}" if why else reason)
+        raise CannotFollowError("; ".join(reasons))
+
+    def _plan(self, arm: rd.SrsArm, path: rd.Path, progress: Progress) -> Any:
+        task = progress.add_task("planning", total=None)
+        plan = _follow(arm, path, self.desired, self.branch)
+        progress.update(task, total=len(path), completed=len(path))
+        self.summary["status"] = str(plan.status)
+        self.summary["events"] = [
+            {"kind": str(e.kind), "index": e.index, "t": e.t, "s": e.s, "message": e.message}
+            for e in plan.events
+        ]
+        if plan.status != rd.Status.CONVERGED:
+            self.summary["first_point"] = len(plan)
+            raise CannotFollowError(str(plan.reason))
+        return plan
+
+    def _give_up(self, arm: rd.SrsArm, path: rd.Path, reason: str) -> None:
+        """Leave behind why, and the band in which the swivel would have had to run."""
+        self.summary["reason"] = reason
+        self._write_summary()
+        if not self.plots:
+            return
+        shown = _shown(len(path))
+        poses = path.poses[shown]
+        choices = [self.branch] if self.branch else [_branch_of(index) for index in range(8)]
+        bands = [plot.swivel_band(arm, poses, signs) for signs in choices]
+        band = max(bands, key=lambda b: int(b.any(axis=1).sum()))
+        marks = [(float(path.s[self.summary["first_point"]]), "first point that fails")]
+        figure = plot.swivel(path.s[shown], None, band, marks)
+        _save(figure, self.out / "swivel.png")
+
+    def _measure(self, chain: rd.Chain, path: rd.Path, plan: Any, progress: Progress) -> None:
+        """What the result is worth, from the returned joint positions alone."""
+        q, qd, poses = plan.q, plan.qd, path.poses
+        task = progress.add_task("measuring", total=len(q))
+        position = orientation = 0.0
+        for first in range(0, len(q), _CHUNK):
+            made, wanted = chain.forward(q[first : first + _CHUNK]), poses[first : first + _CHUNK]
+            position = max(position, float(np.abs(made - wanted)[:, :3, 3].max()))
+            # |A - B| = 2 sqrt(2) sin(angle / 2)
+            chord = np.linalg.norm((made - wanted)[:, :3, :3], axis=(1, 2)).max() / np.sqrt(8)
+            orientation = max(orientation, 2 * float(np.arcsin(min(1.0, chord))))
+            progress.update(task, advance=len(wanted))
+        room = np.minimum(q - chain.lower, chain.upper - q)
+        row, joint = np.unravel_index(np.argmin(room), room.shape)
+        use = np.abs(qd) / chain.velocity_limit
+        fast_row, fast_joint = np.unravel_index(np.argmax(use), use.shape)
+        names = chain.joint_names
+        self.summary |= {
+            "duration_s": float(plan.t[-1] - plan.t[0]),
+            "branch": _signs(plan.branch),
+            "swivel_range_rad": [float(np.min(plan.swivel)), float(np.max(plan.swivel))],
+            "position_error_m": position,
+            "orientation_error_rad": orientation,
+            "limit_margin_rad": float(room[row, joint]),
+            "limit_margin_at": {"joint": names[joint], "point": int(row)},
+            "velocity_use": float(use[fast_row, fast_joint]),
+            "velocity_use_at": {"joint": names[fast_joint], "point": int(fast_row)},
+            "largest_joint_step_rad": float(np.abs(np.diff(q, axis=0)).max(initial=0.0)),
+        }
+        if self.desired is not None:
+            away = (np.asarray(plan.swivel) - self.desired + np.pi) % (2 * np.pi) - np.pi
+            self.summary["swivel_off_wanted_rad"] = float(np.abs(away).max())
+
+    def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: Any) -> None:
+        shown = _shown(len(path))
+        band = plot.swivel_band(arm, path.poses[shown], plan.branch)
+        title = (
+            f"{arm.chain.name}: {len(path)} points, {path.length:.2f} m, {self.summary['duration_s']:.1f} s"
+        )
+        angles = np.asarray(plan.swivel)[shown]
+        _save(plot.track(plan, arm.chain, path.s[shown], angles, band, title), self.out / "track.png")
+
+    def _write_summary(self) -> None:
+        text = json.dumps(self.summary, indent=2, allow_nan=False)
+        (self.out / "summary.json").write_text(text + "\n")
+
+    def _report(self, written: list[str]) -> None:
+        s = self.summary
+        low, high = np.rad2deg(s["swivel_range_rad"])
+        lines = [
+            f"[bold]{escape(s['robot'])}[/] follows {escape(s['path'])}: "
+            f"{s['points']} points, {s['length_m']:.3f} m, {s['duration_s']:.2f} s",
+            f"branch {s['branch']}, swivel {low:.1f} to {high:.1f} deg, "
+            f"largest joint step {np.rad2deg(s['largest_joint_step_rad']):.2f} deg",
+            f"closest to a limit: {np.rad2deg(s['limit_margin_rad']):.1f} deg "
+            f"({escape(s['limit_margin_at']['joint'])} at point {s['limit_margin_at']['point']})",
+            f"fastest: {100 * s['velocity_use']:.0f} % of the limit of {escape(s['velocity_use_at']['joint'])}",
+            f"pose error by forward kinematics: {s['position_error_m']:.1e} m, {s['orientation_error_rad']:.1e} rad",
+        ]
+        if "swivel_off_wanted_rad" in s:
+            lines.insert(2, f"at most {np.rad2deg(s['swivel_off_wanted_rad']):.2f} deg off the wanted swivel")
+        lines.append(f"in {escape(str(self.out))}: {', '.join(written)}")
+        for line in lines:
+            _out.print(line, soft_wrap=True)
+
+
+def _follow(arm: rd.SrsArm, path: rd.Path, desired: float | None, branch: tuple[int, int, int] | None) -> Any:
+    """The planner: one row per path point, `.swivel`, `.branch`, `.status`, `.reason`, `.events`."""
+    library: Any = rd
+    options = {} if branch is None else {"branch": branch}
+    return library.plan_swivel(arm, path, desired=desired, **options)
+
+
+def load_robot(robot: str, base: str | None, tip: str | None) -> rd.Chain:
+    """A catalogue arm by name, or the arm in a URDF file."""
+    file = File(robot)
+    if robot in rd.catalog.names():
+        if base or tip:
+            raise rd.RedundancyError(f"--base and --tip belong to URDF files, '{robot}' is in the catalogue")
+        return rd.catalog.load(robot)
+    if file.is_file():
+        return rd.Chain.from_urdf(robot, base, tip)
+    if file.suffix in {".urdf", ".xml"} or file.parent != File():
+        raise rd.RedundancyError(f"robot file '{robot}' does not exist")
+    names = ", ".join(rd.catalog.names())
+    raise rd.RedundancyError(f"unknown robot '{robot}', expected one of: {names}, or a URDF file")
+
+
+def _swivel(text: str) -> float | None:
+    if text == "auto":
+        return None
+    try:
+        degrees = float(text)
+    except ValueError:
+        degrees = np.nan
+    if not np.isfinite(degrees):
+        raise rd.RedundancyError(f"--swivel is '{text}', it must be auto or an angle in degrees")
+    return float(np.deg2rad(degrees))
+
+
+def _branch(text: str) -> tuple[int, int, int] | None:
+    if text == "auto":
+        return None
+    signs = tuple({"+": 1, "-": -1}.get(sign, 0) for sign in text)
+    if len(signs) != 3 or 0 in signs:
+        raise rd.RedundancyError(f"--branch is '{text}', it must be auto or three signs such as +++ or +-+")
+    return signs[0], signs[1], signs[2]
+
+
+def _branch_index(signs: tuple[int, int, int]) -> int:
+    return sum(weight for weight, sign in zip((4, 2, 1), signs, strict=True) if sign < 0)
+
+
+def _branch_of(index: int) -> tuple[int, int, int]:
+    first, second, third = (-1 if index & weight else 1 for weight in (4, 2, 1))
+    return first, second, third
+
+
+def _signs(branch: Any) -> str:
+    return "".join("+" if sign > 0 else "-" for sign in branch)
+
+
+def _shown(total: int) -> NDArray[np.int64]:
+    """Indices of the points that a plot shows, both ends included."""
+    return np.unique(np.linspace(0, total - 1, min(total, _PLOTTED)).round().astype(np.int64))
+
+
+def _save(figure: Any, file: File) -> None:
+    figure.savefig(file, dpi=110)
+
+
+def _progress(points: int) -> AbstractContextManager[Progress]:
+    """A bar on long paths, where someone is watching."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=_err, transient=True, disable=points < _LONG or not _err.is_terminal)
+
+
+# --- demo -------------------------------------------------------------------------------------------------
+
+
+@app.command()
+def demo(
+    out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
+    plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
+) -> None:
+    """Two arms follow built-in paths of 1 000 points: the PA10 of the catalogue, an iiwa from a URDF.
+
+    Writes the paths too, and prints the `track` command that does the same.
+
+    Example:  redundancy demo --out demo/
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    urdf = File(__file__).parent / "data" / "kuka_iiwa.urdf"
+    jobs = (
+        ("pa10", "pa10", None, None, demo_raster()),
+        ("iiwa", str(urdf), "lbr_iiwa_link_0", "lbr_iiwa_link_7", demo_circle()),
+    )
+    for name, robot, base, tip, path in jobs:
+        file = out / f"{name}_path.csv"
+        path.to_csv(file)
+        options = f" --base {base} --tip {tip}" if base else ""
+        command = f"redundancy track --robot {robot}{options} --path {file} --out {out / name}"
+        _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
+        Job(robot, file, out / name, base, tip, plots=plots).run()
+        _out.print()
+
+
+def demo_raster() -> rd.Path:
+    """Five strokes over a table with the tool leaning inwards: 1 000 points for the PA10."""
+    raster = rd.paths.raster((0.35, -0.3, 0.2), 0.6, 0.08, 5, corner=0.06)
+    path = raster.resampled(raster.length / 999)
+    return path.with_orientation(lambda p: _leaning(p, (0.51, 0.0, 0.2), -1.5))
+
+
+def demo_circle() -> rd.Path:
+    """A slanted circle at 0.1 m/s with the tool leaning inwards: 1 000 points for the iiwa."""
+    circle = rd.paths.circle((0.45, 0.0, 0.5), 0.25, normal=(1.0, 0.0, 1.0), n=1000)
+    return circle.with_times(circle.s / 0.1).with_orientation(lambda p: _leaning(p, (0.45, 0.0, 0.5), -1.5))
+
+
+def _leaning(
+    positions: NDArray[np.float64], center: tuple[float, float, float], lean: float
+) -> NDArray[np.float64]:
+    """Tool down, leaning by `lean` rad per metre of horizontal distance from the centre."""
+    away = positions - np.asarray(center)
+    axis = lean * np.column_stack([-away[:, 1], away[:, 0], np.zeros(len(away))])
+    angle = np.linalg.norm(axis, axis=1)[:, None, None]
+    x, y, z = axis.T
+    zero = np.zeros(len(axis))
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    # Rodrigues; np.sinc(x / pi) is sin(x) / x, also at 0.
+    turn = (
+        np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+    )
+    return np.asarray(turn @ np.diag([-1.0, 1.0, -1.0]))
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -1,0 +1,209 @@
+"""The command line: results, messages, exit status."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import redundancy as rd
+from redundancy import _commands, plot
+
+URDF = Path(rd.__file__).parent / "data" / "kuka_iiwa.urdf"
+planned = pytest.mark.skipif(not hasattr(rd, "plan_swivel"), reason="no planner yet")
+
+
+def run(capsys, *arguments):
+    status = _commands.run([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in out + err
+    return status, out, err
+
+
+@pytest.fixture
+def raster(tmp_path):
+    path = _commands.demo_raster().resampled(0.03)
+    path.to_csv(tmp_path / "path.csv")
+    return tmp_path / "path.csv", path
+
+
+def test_robots_lists_the_catalogue(capsys):
+    status, out, _ = run(capsys, "robots")
+    assert status == 0
+    lines = out.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == rd.catalog.names()
+    assert set(_commands.SOURCES) == set(rd.catalog.names())
+    assert "closed form" in next(line for line in lines if line.startswith("pa10"))
+
+
+@planned
+def test_track_writes_what_it_promises(capsys, raster, tmp_path):
+    file, path = raster
+    out = tmp_path / "deep" / "run"
+    status, text, err = run(capsys, "track", "--robot", "pa10", "--path", file, "--out", out)
+    assert (status, err) == (0, "")
+    assert "pa10 follows" in text
+    assert {f.name for f in out.iterdir()} == {
+        "trajectory.csv",
+        "trajectory.json",
+        "summary.json",
+        "track.png",
+    }
+    assert (out / "track.png").read_bytes().startswith(b"\x89PNG")
+    chain = rd.catalog.load("pa10")
+    trajectory = rd.Trajectory.from_csv(out / "trajectory.csv")
+    assert len(trajectory) == len(path)
+    np.testing.assert_allclose(chain.forward(trajectory.q), path.poses, atol=1e-12)
+    assert (trajectory.q >= chain.lower).all() and (trajectory.q <= chain.upper).all()
+    assert (np.abs(trajectory.qd) <= chain.velocity_limit).all()
+    with (out / "trajectory.csv").open() as table:
+        header = next(csv.reader(table))
+    assert header == ["t", *chain.joint_names, *(f"{name}_velocity" for name in chain.joint_names)]
+    assert rd.Trajectory.from_json(out / "trajectory.json").joint_names == chain.joint_names
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "converged" and summary["points"] == len(path)
+    assert summary["position_error_m"] < 1e-12
+
+
+@planned
+def test_track_with_a_urdf_a_swivel_and_a_branch(capsys, tmp_path):
+    _commands.demo_circle().resampled(0.02).to_csv(tmp_path / "path.csv")
+    arguments = ["track", "--robot", URDF, "--base", "lbr_iiwa_link_0", "--tip", "lbr_iiwa_link_7"]
+    arguments += ["--path", tmp_path / "path.csv", "--out", tmp_path / "run", "--no-plots"]
+    status, _, err = run(capsys, *arguments, "--swivel", "-100", "--branch", "+++")
+    assert (status, err) == (0, "")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["branch"] == "+++"
+    assert summary["swivel_wanted_rad"] == pytest.approx(np.deg2rad(-100))
+    trajectory = rd.Trajectory.from_csv(tmp_path / "run" / "trajectory.csv")
+    times = rd.Path.from_csv(tmp_path / "path.csv").t
+    np.testing.assert_allclose(trajectory.t, times, atol=1e-12)
+
+
+@planned
+def test_demo_follows_two_paths_of_1000_points(capsys, tmp_path):
+    status, out, err = run(capsys, "demo", "--out", tmp_path, "--no-plots")
+    assert (status, err) == (0, "")
+    for name in ("pa10", "iiwa"):
+        assert len(rd.Trajectory.from_csv(tmp_path / name / "trajectory.csv")) == 1000
+    assert out.count("$ redundancy track") == 2
+
+
+def test_points_out_of_reach(capsys, raster, tmp_path):
+    file, path = raster
+    poses = path.poses
+    poses[40:45, 0, 3] += 1.5
+    rd.Path(poses).to_csv(file)
+    status, _, err = run(capsys, "track", "--robot", "pa10", "--path", file, "--out", tmp_path / "run")
+    assert status == 1
+    assert f"5 of {len(path)} points are out of reach, the first is point 40" in err
+    assert "mm too far from the shoulder" in err
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert (summary["status"], summary["first_point"], summary["unreachable_points"]) == (
+        "unreachable",
+        40,
+        5,
+    )
+    assert (tmp_path / "run" / "swivel.png").exists()
+    assert not (tmp_path / "run" / "trajectory.csv").exists()
+
+
+def test_points_outside_the_limits(capsys, tmp_path):
+    circle = rd.paths.circle((0.5, 0, 0.45), 0.2, n=100, orientation=np.diag([-1.0, 1.0, -1.0]))
+    circle.to_csv(tmp_path / "path.csv")
+    arguments = (
+        "--robot",
+        "iiwa14",
+        "--path",
+        tmp_path / "path.csv",
+        "--out",
+        tmp_path / "run",
+        "--no-plots",
+    )
+    status, _, err = run(capsys, "track", *arguments)
+    assert status == 1
+    assert "outside the joint limits, the first is point" in err and "joint 'A4'" in err
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"--robot": "pa11"}, "unknown robot 'pa11', expected one of: dexter, iiwa14, pa10"),
+        ({"--robot": "no/arm.urdf"}, "robot file 'no/arm.urdf' does not exist"),
+        ({"--robot": "panda"}, "not a spherical-revolute-spherical arm: axes 6 and 7 miss each other by 88"),
+        ({"--robot": "pa10", "--base": "link1"}, "--base and --tip belong to URDF files"),
+        ({"--robot": URDF, "--base": "world"}, "world"),
+        ({"--path": "missing.csv"}, "missing.csv: cannot be read"),
+        ({"--swivel": "ten"}, "--swivel is 'ten', it must be auto or an angle in degrees"),
+        ({"--swivel": "inf"}, "--swivel is 'inf'"),
+        ({"--branch": "++"}, "--branch is '++'"),
+        ({"--branch": "++0"}, "--branch is '++0'"),
+    ],
+)
+def test_bad_options(capsys, raster, tmp_path, options, message):
+    given = {"--robot": "pa10", "--path": raster[0], "--out": tmp_path / "run"} | options
+    status, out, err = run(capsys, "track", *(word for pair in given.items() for word in pair))
+    assert (status, out) == (2, "")
+    assert message in err and len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("x,y,z\n0.4,0,0.5\n0.5,0,0.5\n", "positions only"),
+        ("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,1,0,0,0\n0.5,0,0.5,1,1,0,0\n", "path.csv:3: quaternion"),
+        ("x,y,z,qw,qx,qy,qz\n0.4,0,0.5,1,0,0,0\n0.5,0,half,1,0,0,0\n", "path.csv:3: column 'z'"),
+        ("", "is empty"),
+    ],
+)
+def test_bad_paths(capsys, tmp_path, text, message):
+    (tmp_path / "path.csv").write_text(text)
+    arguments = ("--robot", "pa10", "--path", tmp_path / "path.csv", "--out", tmp_path / "run")
+    status, _, err = run(capsys, "track", *arguments)
+    assert status == 2
+    assert message in err and len(err.splitlines()) == 1
+
+
+def test_folder_that_cannot_be_made(capsys, raster, tmp_path):
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "run"
+    status, _, err = run(capsys, "track", "--robot", "pa10", "--path", raster[0], "--out", out)
+    assert status == 2 and "file" in err
+
+
+def test_usage_errors_and_help(capsys):
+    assert run(capsys, "track", "--robot", "pa10")[0] == 2
+    assert run(capsys, "no-such-command")[0] == 2
+    for command in ("robots", "track", "demo"):
+        status, out, _ = run(capsys, command, "--help")
+        assert status == 0 and "Example:" in out
+
+
+def test_without_the_extra(tmp_path):
+    # A module of the same name that cannot be imported stands for one that is not installed.
+    script = "import sys; sys.modules['typer'] = None\nfrom redundancy.cli import main; main()"
+    command = [sys.executable, "-c", script]
+    result = subprocess.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr == "redundancy: the command line needs 'typer': pip install 'redundancy[cli]'\n"
+
+
+def test_plots_return_figures_and_leave_pyplot_alone():
+    chain = rd.catalog.load("pa10")
+    arm = rd.SrsArm(chain)
+    q = np.linspace([0.1, 0.5, 0.2, 1.2, 0.3, 0.8, 0.0], [0.3, 0.7, 0.4, 1.0, 0.1, 0.9, 0.2], 20)
+    trajectory = rd.Trajectory(chain.joint_names, np.arange(20.0), q)
+    band = plot.swivel_band(arm, chain.forward(q), arm.branch(q[0]), resolution=90)
+    assert band.shape == (20, 90)
+    # The configuration's own swivel lies in the band.
+    swivels = arm.swivel(q)
+    columns = ((swivels + np.pi) / (2 * np.pi) * 90).round().astype(int) % 90
+    assert band[np.arange(20), columns].all()
+    figure = plot.track(trajectory, chain, np.arange(20.0), swivels, band, "title")
+    assert len(figure.axes[0].lines) == 1
+    assert len(plot.joints(trajectory, chain).axes) == 8
+    plot.swivel(np.arange(20.0), None, band, [(3.0, "here")])
+    assert "matplotlib.pyplot" not in sys.modules
