@@ -320,7 +320,10 @@ impl<'a> Problem<'a> {
     fn grid(&self, k: usize) -> Vec<f64> {
         match &self.settings.choice {
             SwivelChoice::Fixed(s) => vec![if s.len() == 1 { s[0] } else { s[k] }],
-            _ => (0..self.settings.swivels).map(|i| TAU * i as f64 / self.settings.swivels as f64).collect(),
+            _ => {
+                let m = self.settings.swivels;
+                (0..m).map(|i| TAU * (i as f64 / m as f64 - 0.5)).collect()
+            }
         }
     }
 
