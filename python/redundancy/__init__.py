@@ -18,8 +18,10 @@ from redundancy._core import (
     SelfMotion,
     SolveBatch,
     SrsArm,
+    SwivelPlan,
     Trajectory,
     __version__,
+    plan_swivel,
     times_within_limits,
 )
 from redundancy.status import EventKind, Status
@@ -43,9 +45,11 @@ __all__ = [
     "SolveBatch",
     "SrsArm",
     "Status",
+    "SwivelPlan",
     "Trajectory",
     "__version__",
     "catalog",
     "paths",
+    "plan_swivel",
     "times_within_limits",
 ]

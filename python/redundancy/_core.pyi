@@ -688,3 +688,71 @@ class SolveBatch:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """`(N, 8)`."""
+
+# planning
+
+@final
+class SwivelPlan(Trajectory):
+    """A trajectory, one row per path point, with the swivel of each row."""
+
+    @property
+    def swivel(self) -> NDArray[np.float64]:
+        """Swivel of each row `(N,)`, rad, unwound."""
+    @property
+    def branch(self) -> NDArray[np.int8]:
+        """Signs (shoulder, elbow, wrist) of each row, `(N, 3)`."""
+    @property
+    def reconfigurations(self) -> list[int]:
+        """Points before which the arm must change its configuration; none when `converged`."""
+    @property
+    def blocked(self) -> list[int]:
+        """Points without any configuration within the limits."""
+    @property
+    def status(self) -> Status:
+        """What the planner did.
+
+        `converged`; `infeasible`: it takes reconfigurations; `unreachable` or `limits`: some points have no
+        configuration (no rows), or none at the fixed swivel or branch (rows up to there).
+        """
+    @property
+    def reason(self) -> str:
+        """Which points and what is in the way; empty when `converged`."""
+
+def plan_swivel(
+    arm: SrsArm,
+    path: Path,
+    desired: float | ArrayLike | None = None,
+    *,
+    fixed: float | ArrayLike | None = None,
+    branch: tuple[int, int, int] | None = None,
+    margin: float = 0.0,
+    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    swivels: int | None = None,
+    limit_weight: float | None = None,
+    motion_weight: float | None = None,
+    swivel_weight: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> SwivelPlan:
+    """Plan the swivel along a whole path: away from the limits, on one branch, without a jump.
+
+    Dynamic programming over points x swivels, all branches and windings, then refinement in a shrinking tube. Minimises
+    `w_l sum L + w_s sum (1 - cos(s - desired)) + w_m sum |dq|^2` per share of the path, with
+    `L = sum (x^2 / (1 - x^2))^2` for joints at x in (-1, 1) of their range. As few reconfigurations as possible.
+
+    Args:
+        arm: The arm.
+        path: With orientations. With times, the joint velocity limits hold between points.
+        desired: Wished swivel, rad: one, or `(N,)`.
+        fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
+        branch: Keep to these signs (shoulder, elbow, wrist).
+        margin: Distance kept from every joint limit, rad.
+        velocity_limits: `"chain"` (default), `(7,)` rad/s, or `None` for off.
+        swivels: Grid cells of the circle (180).
+        limit_weight: w_l (1).
+        motion_weight: w_m (0.05).
+        swivel_weight: w_s (10).
+        progress: Called with the share of the work done.
+
+    Raises:
+        RedundancyError: A setting out of its range, a path without orientations.
+    """

@@ -4,6 +4,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 // Numbers as they stand in URDFs.
 #![allow(clippy::approx_constant)]
+// The helpers of tests may fail as loudly as the tests.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
 mod chain;

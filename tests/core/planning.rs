@@ -4,11 +4,17 @@ use std::f64::consts::{PI, TAU};
 
 use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::nalgebra::{Matrix3, Rotation3, Translation3};
-use redundancy_core::planning::{SwivelChoice, SwivelPlanSettings, plan_swivel};
+use redundancy_core::path::Path;
+use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 use redundancy_core::self_motion::{SrsArm, Swivel};
 use redundancy_core::{Pose, Status};
 
 use crate::support::{pa10, pose_error};
+
+fn run(arm: &SrsArm, poses: &[Pose], settings: &SwivelPlanSettings) -> SwivelPlan {
+    let path = Path::new(poses, None, None).unwrap();
+    plan_swivel(arm, &path, settings, &mut |_| true).unwrap()
+}
 
 fn tool_down(x: f64, y: f64, z: f64) -> Pose {
     let r = Rotation3::from_matrix_unchecked(Matrix3::new(1., 0., 0., 0., -1., 0., 0., 0., -1.));
@@ -70,7 +76,7 @@ fn raster_of_the_iiwa_is_legal_and_smooth() {
     let chain = catalog::load("iiwa14").unwrap();
     let arm = SrsArm::new(&chain).unwrap();
     let poses = iiwa_raster(1_000);
-    let plan = plan_swivel(&arm, &poses, None, &SwivelPlanSettings::default(), &mut |_| true).unwrap();
+    let plan = run(&arm, &poses, &SwivelPlanSettings::default());
     assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
     for (q, pose) in plan.q.iter().zip(&poses) {
         assert!(chain.within_limits(q, 0.0));
@@ -89,7 +95,7 @@ fn pa10_follows_a_circle_with_windings() {
     let chain = pa10();
     let arm = SrsArm::new(&chain).unwrap();
     let poses = circle(300, [0.45, 0.0, 0.5], 0.12);
-    let plan = plan_swivel(&arm, &poses, None, &SwivelPlanSettings::default(), &mut |_| true).unwrap();
+    let plan = run(&arm, &poses, &SwivelPlanSettings::default());
     assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
     let (margin, length, step) = figures(&chain, &plan.q);
     // No plan can keep further away than the best configuration over its worst pose.
@@ -115,7 +121,7 @@ fn a_fixed_swivel_is_kept_and_says_where_it_ends() {
     let arm = SrsArm::new(&chain).unwrap();
     let poses = circle(200, [0.45, 0.0, 0.5], 0.12);
     let fixed = |s: f64| SwivelPlanSettings { choice: SwivelChoice::Fixed(vec![s]), ..Default::default() };
-    let plan = plan_swivel(&arm, &poses, None, &fixed(-PI / 2.0), &mut |_| true).unwrap();
+    let plan = run(&arm, &poses, &fixed(-PI / 2.0));
     assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
     assert!(plan.swivel.iter().all(|s| (s + PI / 2.0).abs() < 1e-12));
     // Find a swivel that some pose forbids for every branch.
@@ -125,7 +131,7 @@ fn a_fixed_swivel_is_kept_and_says_where_it_ends() {
         .map(|j| Limits { lower: j.limits.lower * 0.5, upper: j.limits.upper * 0.5, ..j.limits })
         .collect();
     let tight = SrsArm::new(&chain.with_limits(&narrow).unwrap()).unwrap();
-    let plan = plan_swivel(&tight, &poses, None, &fixed(PI), &mut |_| true).unwrap();
+    let plan = run(&tight, &poses, &fixed(PI));
     assert_ne!(plan.status, Status::Converged);
     assert!(plan.reason.contains("point") && plan.reason.contains("joint"), "{}", plan.reason);
 }
@@ -137,7 +143,7 @@ fn unreachable_points_are_counted_and_named() {
     for k in [17, 31] {
         poses[k] = tool_down(2.0, 0.0, 0.5);
     }
-    let plan = plan_swivel(&arm, &poses, None, &SwivelPlanSettings::default(), &mut |_| true).unwrap();
+    let plan = run(&arm, &poses, &SwivelPlanSettings::default());
     assert_eq!((plan.status, plan.blocked.clone()), (Status::Unreachable, vec![17, 31]));
     assert!(
         plan.reason.starts_with("2 of 50 points have no configuration; the first is point 17: the wrist")
@@ -157,7 +163,7 @@ fn a_path_that_cannot_be_continuous_takes_the_fewest_reconfigurations() {
                 * tool_down(0.6, 0.0, 0.4)
         })
         .collect();
-    let plan = plan_swivel(&arm, &poses, None, &SwivelPlanSettings::default(), &mut |_| true).unwrap();
+    let plan = run(&arm, &poses, &SwivelPlanSettings::default());
     assert_eq!(plan.status, Status::Infeasible);
     assert_eq!(plan.reconfigurations.len(), 1, "{}", plan.reason);
     assert!(plan.reason.contains("it takes one reconfiguration, the first before point"), "{}", plan.reason);
@@ -168,19 +174,44 @@ fn a_path_that_cannot_be_continuous_takes_the_fewest_reconfigurations() {
 fn settings_and_paths_are_checked() {
     let arm = SrsArm::new(&pa10()).unwrap();
     let poses = circle(10, [0.45, 0.0, 0.5], 0.12);
-    let run = |settings: SwivelPlanSettings, t: Option<&[f64]>| {
-        plan_swivel(&arm, &poses, t, &settings, &mut |_| true).unwrap_err().to_string()
+    let path = Path::new(&poses, None, None).unwrap();
+    let refused = |settings: SwivelPlanSettings| {
+        plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap_err().to_string()
     };
     let default = SwivelPlanSettings::default;
-    assert!(run(SwivelPlanSettings { swivels: 3, ..default() }, None).contains("between 8 and 7200"));
-    assert!(run(SwivelPlanSettings { margin: -1.0, ..default() }, None).contains("margin is -1"));
+    assert!(refused(SwivelPlanSettings { swivels: 3, ..default() }).contains("between 8 and 7200"));
+    assert!(refused(SwivelPlanSettings { margin: -1.0, ..default() }).contains("margin is -1"));
     let near = SwivelChoice::Near(vec![0.0; 3]);
-    assert!(
-        run(SwivelPlanSettings { choice: near, ..default() }, None).contains("expected 10 entries, got 3")
-    );
-    assert!(run(default(), Some(&[0.0; 10])).contains("t[1] = 0 is not after t[0] = 0"));
-    let none = plan_swivel(&arm, &[], None, &default(), &mut |_| true).unwrap_err();
-    assert!(none.to_string().contains("no points"));
-    let stopped = plan_swivel(&arm, &poses, None, &default(), &mut |_| false).unwrap();
+    assert!(refused(SwivelPlanSettings { choice: near, ..default() }).contains("expected 10 entries, got 3"));
+    let positions: Vec<_> = poses.iter().map(|p| p.translation.vector).collect();
+    let bare = Path::from_positions(&positions, None, None).unwrap();
+    let error = plan_swivel(&arm, &bare, &default(), &mut |_| true).unwrap_err();
+    assert!(error.to_string().contains("positions only"));
+    let stopped = plan_swivel(&arm, &path, &default(), &mut |_| false).unwrap();
     assert_eq!(stopped.status, Status::Cancelled);
+}
+
+#[test]
+fn velocity_limits_hold_when_the_path_has_times() {
+    let chain = catalog::load("iiwa14").unwrap();
+    let arm = SrsArm::new(&chain).unwrap();
+    let poses = iiwa_raster(1_000);
+    let limits: Vec<f64> = chain.joints().iter().map(|j| j.limits.velocity).collect();
+    let settings = SwivelPlanSettings { velocity_limits: Some(limits.clone()), ..Default::default() };
+    for (duration, expected) in [(30.0, Status::Converged), (0.5, Status::Infeasible)] {
+        let t: Vec<f64> = (0..1_000).map(|k| duration * f64::from(k) / 999.0).collect();
+        let path = Path::new(&poses, None, Some(&t)).unwrap();
+        let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
+        assert_eq!(plan.status, expected, "{}", plan.reason);
+        if expected == Status::Converged {
+            let trajectory = plan.trajectory(&chain, &path).unwrap();
+            assert_eq!(trajectory.t(), &t[..]);
+            for rows in plan.q.windows(2) {
+                let speeds = (0..7).map(|i| (rows[1][i] - rows[0][i]).abs() / (duration / 999.0) / limits[i]);
+                assert!(speeds.fold(0.0, f64::max) <= 1.0 + 1e-9);
+            }
+        } else {
+            assert!(plan.reason.contains("would have to step by"), "{}", plan.reason);
+        }
+    }
 }

@@ -108,3 +108,6 @@ pub const REDUCTION_LIMIT: f64 = 1e6;
 /// A joint step (rad) between neighbouring points of a path above which the arm is said to jump: an eighth of a turn. A
 /// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
 pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
+
+/// Speed (rad/s) at which a joint without a velocity limit is timed: that of a careful industrial arm.
+pub const FREE_SPEED: f64 = 1.0;

@@ -15,7 +15,7 @@ use redundancy_core::nalgebra::{Matrix3, Vector3};
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
 use crate::batch::in_blocks;
-use crate::convert::{Rows, new_array, pose_to_array, read_pose, read_rows, read_vector, writable};
+use crate::convert::{Fresh, Rows, pose_to_array, read_array, read_pose, read_rows, read_vector};
 use crate::error::to_py;
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
@@ -279,14 +279,14 @@ impl PyChain {
                 Ok(pose_to_array(py, &pose.map_err(to_py)?)?.into_any())
             },
             |q, n| {
-                let poses = new_array(py, [n, 4, 4]);
-                let out = writable(&poses)?;
+                let mut poses = Fresh::new(py, [n, 4, 4]);
+                let out = poses.memory()?;
                 let dof = chain.dof();
                 in_blocks(py, n, BLOCK, threads, |rows| {
                     let q = &q[rows.start * dof..rows.end * dof];
                     chain.forward_batch(q, link, &mut out[rows.start * 16..rows.end * 16])
                 })?;
-                Ok(poses.into_any())
+                Ok(poses.finish().into_any())
             },
         )
     }
@@ -303,21 +303,21 @@ impl PyChain {
         self.dispatch(
             q,
             |q| {
-                let out = new_array(py, [6, dof]);
-                let memory = writable(&out)?;
+                let mut out = Fresh::new(py, [6, dof]);
+                let memory = out.memory()?;
                 self.with_scratch(|scratch| {
                     chain.kinematics(q, scratch).map(|k| k.write_jacobian(memory)).map_err(to_py)
                 })?;
-                Ok(out.into_any())
+                Ok(out.finish().into_any())
             },
             |q, n| {
-                let jacobians = new_array(py, [n, 6, dof]);
-                let out = writable(&jacobians)?;
+                let mut jacobians = Fresh::new(py, [n, 6, dof]);
+                let out = jacobians.memory()?;
                 in_blocks(py, n, BLOCK, threads, |rows| {
                     let q = &q[rows.start * dof..rows.end * dof];
                     chain.jacobian_batch(q, &mut out[rows.start * 6 * dof..rows.end * 6 * dof])
                 })?;
-                Ok(jacobians.into_any())
+                Ok(jacobians.finish().into_any())
             },
         )
     }
@@ -334,24 +334,24 @@ impl PyChain {
         self.dispatch(
             q,
             |q| {
-                let jacobian = new_array(py, [6, dof]);
-                let memory = writable(&jacobian)?;
+                let mut jacobian = Fresh::new(py, [6, dof]);
+                let memory = jacobian.memory()?;
                 let pose = self.with_scratch(|scratch| {
                     let kinematics = chain.kinematics(q, scratch).map_err(to_py)?;
                     kinematics.write_jacobian(memory);
                     pose_to_array(py, kinematics.pose())
                 })?;
-                Ok(PyTuple::new(py, [pose.into_any(), jacobian.into_any()])?.into_any())
+                Ok(PyTuple::new(py, [pose.into_any(), jacobian.finish().into_any()])?.into_any())
             },
             |q, n| {
-                let (poses, jacobians) = (new_array(py, [n, 4, 4]), new_array(py, [n, 6, dof]));
-                let (p, j) = (writable(&poses)?, writable(&jacobians)?);
+                let (mut poses, mut jacobians) = (Fresh::new(py, [n, 4, 4]), Fresh::new(py, [n, 6, dof]));
+                let (p, j) = (poses.memory()?, jacobians.memory()?);
                 in_blocks(py, n, BLOCK, threads, |rows| {
                     let q = &q[rows.start * dof..rows.end * dof];
                     let j = &mut j[rows.start * 6 * dof..rows.end * 6 * dof];
                     chain.kinematics_batch(q, &mut p[rows.start * 16..rows.end * 16], j)
                 })?;
-                Ok(PyTuple::new(py, [poses.into_any(), jacobians.into_any()])?.into_any())
+                Ok(PyTuple::new(py, [poses.finish().into_any(), jacobians.finish().into_any()])?.into_any())
             },
         )
     }
@@ -485,7 +485,8 @@ fn set_limits(
     acceleration: Option<&Bound<'_, PyAny>>,
     effort: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<()> {
-    let fields: [(&str, Option<&Bound<'_, PyAny>>, fn(&mut Limits) -> &mut f64); 5] = [
+    type Field = fn(&mut Limits) -> &mut f64;
+    let fields: [(&str, Option<&Bound<'_, PyAny>>, Field); 5] = [
         ("lower", lower, |l| &mut l.lower),
         ("upper", upper, |l| &mut l.upper),
         ("velocity", velocity, |l| &mut l.velocity),
@@ -517,7 +518,7 @@ fn read_inertias(list: &Bound<'_, PyAny>) -> PyResult<Vec<Inertia>> {
                     "inertia[{i}] must be (mass, centre of mass (3,), inertia at it (3, 3) or (3,))"
                 ))
             })?;
-        let center = read_vector(&parts.get_item(1)?, &format!("inertia[{i}]: centre of mass"), Some(3))?;
+        let center = read_array::<3>(&parts.get_item(1)?, &format!("inertia[{i}]: centre of mass"))?;
         let tensor = read_rows(&parts.get_item(2)?, &format!("inertia[{i}]: tensor"), &[3])?;
         let t = tensor.as_slice()?;
         let tensor = match tensor.batch {

@@ -147,33 +147,35 @@ where
     Dim<[usize; D]>: Dimension,
     [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
 {
-    let array = new_array(py, shape);
-    let memory = writable(&array)?;
+    let mut array = Fresh::new(py, shape);
+    let memory = array.memory()?;
     if memory.len() != values.len() {
         let (expected, actual) = (memory.len(), values.len());
         return Err(to_py(Error::Length { what: "array".into(), expected, actual }));
     }
     memory.copy_from_slice(values);
-    Ok(array)
+    Ok(array.finish())
 }
 
-/// A new C-contiguous array, all zero.
-pub fn new_array<'py, T: Element, const D: usize>(
-    py: Python<'py>,
-    shape: [usize; D],
-) -> Bound<'py, PyArray<T, Dim<[usize; D]>>>
-where
-    Dim<[usize; D]>: Dimension,
-    [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
-{
-    PyArray::zeros(py, shape, false)
-}
+/// A new C-contiguous array that nobody else has seen yet: it may be filled without the GIL.
+pub struct Fresh<'py, T, D>(Bound<'py, PyArray<T, D>>);
 
-/// The memory of an array that [`new_array`] has just made and that nobody else has seen.
-#[allow(clippy::mut_from_ref)] // numpy arrays are cells; nobody else has seen this one
-pub fn writable<'a, T: Element, D: Dimension>(array: &'a Bound<'_, PyArray<T, D>>) -> PyResult<&'a mut [T]> {
-    // SAFETY: callers pass a fresh array, so this is the only reference to its memory while it is being filled.
-    Ok(unsafe { array.as_slice_mut()? })
+impl<'py, T: Element, D: Dimension> Fresh<'py, T, D> {
+    /// An array of zeros.
+    pub fn new(py: Python<'py>, shape: impl IntoDimension<Dim = D>) -> Self {
+        Self(PyArray::zeros(py, shape, false))
+    }
+
+    /// Its numbers, row by row.
+    pub fn memory(&mut self) -> PyResult<&mut [T]> {
+        // SAFETY: the array was made here and is handed out by `finish` alone, so this is the only reference.
+        Ok(unsafe { self.0.as_slice_mut()? })
+    }
+
+    /// Hands the array out.
+    pub fn finish(self) -> Bound<'py, PyArray<T, D>> {
+        self.0
+    }
 }
 
 /// A pose as `(4, 4)`.

@@ -9,7 +9,7 @@ use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
 use redundancy_core::nalgebra::DMatrix;
 
 use crate::chain::PyChain;
-use crate::convert::{new_array, read_rows, read_vector, to_array, writable};
+use crate::convert::{read_rows, read_vector, to_array};
 use crate::error::to_py;
 
 /// A scalar function of the configuration. Sums and multiples of criteria are criteria.
@@ -89,11 +89,7 @@ impl PyCriterion {
         })?;
         match batch {
             None => Ok(to_array(py, &out, [n, n])?.into_any()),
-            Some(rows) => {
-                let array = new_array(py, [rows, n, n]);
-                writable(&array)?.copy_from_slice(&out);
-                Ok(array.into_any())
-            }
+            Some(rows) => Ok(to_array(py, &out, [rows, n, n])?.into_any()),
         }
     }
 

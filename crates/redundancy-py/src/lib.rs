@@ -8,6 +8,7 @@ mod convert;
 mod criterion;
 mod error;
 mod path;
+mod planning;
 mod self_motion;
 mod status;
 
@@ -19,6 +20,8 @@ mod _core {
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
     use criterion::{PyCriterion, PyJointRange, PyPosture};
+    #[pymodule_export]
+    use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
 

@@ -12,9 +12,7 @@ use redundancy_core::path::{
 };
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
-use crate::convert::{
-    new_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array, writable,
-};
+use crate::convert::{Fresh, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::status::event_kind_to_py;
 
@@ -74,21 +72,21 @@ impl PyPath {
     /// The samples as poses.
     #[getter]
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let array = new_array(py, [self.path.len(), 4, 4]);
-        for (row, pose) in writable(&array)?.chunks_exact_mut(16).zip(self.path.poses()) {
+        let mut array = Fresh::new(py, [self.path.len(), 4, 4]);
+        for (row, pose) in array.memory()?.chunks_exact_mut(16).zip(self.path.poses()) {
             row.copy_from_slice(&pose_to_row_major(pose));
         }
-        Ok(array)
+        Ok(array.finish())
     }
 
     /// The samples as positions.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let array = new_array(py, [self.path.len(), 3]);
-        for (row, pose) in writable(&array)?.chunks_exact_mut(3).zip(self.path.poses()) {
+        let mut array = Fresh::new(py, [self.path.len(), 3]);
+        for (row, pose) in array.memory()?.chunks_exact_mut(3).zip(self.path.poses()) {
             row.copy_from_slice(pose.translation.vector.as_slice());
         }
-        Ok(array)
+        Ok(array.finish())
     }
 
     /// Arc length from the first to the last sample.

@@ -11,9 +11,7 @@ use redundancy_core::self_motion::{Chart, Choice, SelfMotion, SrsArm, Swivel};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{
-    new_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array, writable,
-};
+use crate::convert::{Fresh, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::status::status_to_py;
@@ -112,8 +110,8 @@ impl PySrsArm {
         let swivels = read_swivels(swivels, n)?;
         let (q, valid) = match out {
             None => (
-                new_array::<f64, 3>(py, [n, 8, 7]).to_dyn().clone(),
-                new_array::<bool, 2>(py, [n, 8]).to_dyn().clone(),
+                Fresh::<f64, _>::new(py, [n, 8, 7]).finish().to_dyn().clone(),
+                Fresh::<bool, _>::new(py, [n, 8]).finish().to_dyn().clone(),
             ),
             Some(out) => {
                 let (q, valid): (Bound<'py, PyAny>, Bound<'py, PyAny>) = match out.cast::<PySolveBatch>() {
@@ -437,7 +435,7 @@ impl PyChoice {
     }
 }
 
-fn signs_of(branch: usize) -> [i8; 3] {
+pub fn signs_of(branch: usize) -> [i8; 3] {
     [4, 2, 1].map(|bit| if branch & bit == 0 { 1 } else { -1 })
 }
 
@@ -459,22 +457,16 @@ pub struct PyChoiceBatch {
 impl PyChoiceBatch {
     fn new(py: Python<'_>, rows: &[Option<Choice>]) -> PyResult<Self> {
         let n = rows.len();
-        let q = new_array(py, [n, 7]);
-        let branch = new_array(py, [n, 3]);
-        for ((row, q), signs) in
-            rows.iter().zip(writable(&q)?.chunks_exact_mut(7)).zip(writable(&branch)?.chunks_exact_mut(3))
-        {
-            if let Some(choice) = row {
-                q.copy_from_slice(&choice.q);
-                signs.copy_from_slice(&signs_of(choice.branch));
-            }
+        let (mut q, mut signs) = (vec![[0.0; 7]; n], vec![[0i8; 3]; n]);
+        for (i, choice) in rows.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))) {
+            (q[i], signs[i]) = (choice.q, signs_of(choice.branch));
         }
         let column =
             |f: fn(&Choice) -> f64| PyArray1::from_iter(py, rows.iter().map(|c| c.as_ref().map_or(0.0, f)));
         Ok(Self {
-            q: q.unbind(),
+            q: to_array(py, q.as_flattened(), [n, 7])?.unbind(),
             swivel: column(|c| c.swivel).unbind(),
-            branch: branch.unbind(),
+            branch: to_array(py, signs.as_flattened(), [n, 3])?.unbind(),
             value: column(|c| c.value).unbind(),
             valid: PyArray1::from_iter(py, rows.iter().map(Option::is_some)).unbind(),
         })

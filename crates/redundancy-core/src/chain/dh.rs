@@ -36,6 +36,14 @@ pub enum DhConvention {
 impl ChainBuilder {
     /// A chain of revolute joints `joint1..n` and links `base, link1..n` without limits.
     /// Link frame `i` is the frame of row `i`; numbers that are not finite are reported by `build`.
+    ///
+    /// ```
+    /// use redundancy_core::chain::{ChainBuilder, DhConvention, DhRow};
+    /// let rows = [DhRow { a: 0.3, d: 0.0, alpha: std::f64::consts::FRAC_PI_2, theta: 0.0 }; 2];
+    /// let arm = ChainBuilder::from_dh("arm", &rows, DhConvention::Standard).build()?;
+    /// assert_eq!(arm.forward(&[0.0, 0.0])?.translation.x, 0.6);
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
     pub fn from_dh(name: &str, rows: &[DhRow], convention: DhConvention) -> Self {
         let mut builder = Self::new(name, "base");
         let mut placement = Pose::identity();

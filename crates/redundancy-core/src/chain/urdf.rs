@@ -18,8 +18,8 @@
 //! definitions, so neither entities nor external files are ever expanded. Size, attributes and namespaces are
 //! bounded before that. `urdf-rs` gets a rewritten document with nothing but the links and joints in question,
 //! numbers that were checked, and indices for names: given the original, it recurses over the nesting of the
-//! document, loses its temper over broken parts that no chain needs, skips words that are no numbers, and cannot
-//! tell a missing `<limit>` from one at zero.
+//! document, refuses a whole file for a detail that no chain needs (a visual without geometry), skips words that
+//! are no numbers, and cannot tell a missing `<limit>` from one at zero.
 
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
@@ -102,6 +102,8 @@ impl Chain {
         tip: Option<&str>,
         missing_limits: MissingLimits,
     ) -> Result<Self> {
+        // Blank lines before the XML declaration are against the standard and common.
+        let xml = xml.trim_start_matches('\u{feff}').trim_start();
         guard(xml)?;
         let options = ParsingOptions { allow_dtd: false, nodes_limit: URDF_NODES, ..Default::default() };
         let document = Document::parse_with_options(xml, options).map_err(|error| match error {
@@ -358,7 +360,8 @@ impl Selection {
         links.extend(way.iter().map(|joint| tree.joints[*joint].child));
         let on_way: HashSet<usize> = links.iter().copied().collect();
         let mut joints = way.clone();
-        let mut next = 0;
+        let standing = way.iter().take_while(|joint| tree.joints[**joint].kind == "fixed").count();
+        let mut next = standing + 1;
         while let Some(link) = links.get(next) {
             next += 1;
             for joint in &tree.below[*link] {

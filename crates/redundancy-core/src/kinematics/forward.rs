@@ -65,6 +65,14 @@ impl Chain {
     ///
     /// # Errors
     /// Wrong length of `q`, or an entry that is not finite.
+    ///
+    /// ```
+    /// let arm = redundancy_core::chain::catalog::load("planar3r")?;
+    /// let tip = arm.forward(&[0.0, std::f64::consts::FRAC_PI_2, 0.0])?;
+    /// assert!((tip.translation.x - 3.0).abs() < 1e-15 && (tip.translation.y - 4.5).abs() < 1e-15);
+    /// assert!(arm.forward(&[0.0, f64::NAN, 0.0]).is_err());
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
     pub fn forward(&self, q: &[f64]) -> Result<Pose> {
         self.check_q(q)?;
         Ok(self.forward_unchecked(q))
@@ -74,6 +82,13 @@ impl Chain {
     ///
     /// # Errors
     /// Wrong length of `q`, an entry that is not finite, an index that is no link.
+    ///
+    /// ```
+    /// let arm = redundancy_core::chain::catalog::load("pa10")?;
+    /// let elbow = arm.forward_link(&[0.0; 7], arm.link_index("link4")?)?;
+    /// assert_eq!(elbow.translation.z, 0.315 + 0.45);
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
     pub fn forward_link(&self, q: &[f64], link: usize) -> Result<Pose> {
         self.check_q(q)?;
         let link = self.link(link)?;

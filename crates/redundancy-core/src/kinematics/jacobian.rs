@@ -15,6 +15,17 @@ impl Chain {
     ///
     /// # Errors
     /// Wrong length of `q`, an entry that is not finite, a scratch made for another number of joints.
+    ///
+    /// ```
+    /// use redundancy_core::{chain::catalog, kinematics::Scratch};
+    /// let arm = catalog::load("planar3r")?;
+    /// let mut scratch = Scratch::new(&arm); // once, outside of the control loop
+    /// let kinematics = arm.kinematics(&[0.0; 3], &mut scratch)?;
+    /// assert_eq!(kinematics.pose().translation.x, 7.5);
+    /// assert_eq!(kinematics.jacobian()[(1, 0)], 7.5); // turning joint 1 moves the tip along y
+    /// assert_eq!(kinematics.jacobian()[(5, 2)], 1.0); // and every joint turns it about z
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
     pub fn kinematics<'a>(&self, q: &[f64], scratch: &'a mut Scratch) -> Result<Kinematics<'a>> {
         self.check_q(q)?;
         if scratch.dof() != self.dof() {
@@ -64,6 +75,13 @@ impl Chain {
     ///
     /// # Errors
     /// Wrong length of `q` or `qd`, or an entry that is not finite.
+    ///
+    /// ```
+    /// let arm = redundancy_core::chain::catalog::load("planar3r")?;
+    /// let v = arm.tool_velocity(&[0.0; 3], &[1.0, 0.0, 0.0])?;
+    /// assert_eq!(v.as_slice(), [0.0, 7.5, 0.0, 0.0, 0.0, 1.0]);
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
     pub fn tool_velocity(&self, q: &[f64], qd: &[f64]) -> Result<Vector6<f64>> {
         crate::error::check_vector("qd", qd, self.dof())?;
         let jacobian = self.jacobian(q)?;

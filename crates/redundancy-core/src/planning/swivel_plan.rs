@@ -22,11 +22,12 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
-use crate::pose::{Pose, check_pose};
+use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::self_motion::{SelfMotion, SrsArm};
 use crate::status::Status;
-use crate::tolerance::JOINT_JUMP;
+use crate::tolerance::{FREE_SPEED, JOINT_JUMP};
 
 /// Which swivel is wanted.
 #[derive(Debug, Clone, PartialEq)]
@@ -138,40 +139,40 @@ pub struct SwivelPlan {
     pub blocked: Vec<usize>,
 }
 
-/// Plans the swivel along `poses`. With times `t` (s, ascending) the joint velocity limits of the settings hold between
-/// neighbouring points; without, a joint step of more than [`JOINT_JUMP`] counts as a jump.
+/// Plans the swivel along a path. When the path has times the joint velocity limits of the settings hold between
+/// neighbouring points; otherwise a joint step of more than [`JOINT_JUMP`] counts as a jump.
 ///
 /// `progress` is called with the share of the work done, in `[0, 1]`; returning `false` stops with `Cancelled`.
 ///
+/// ```
+/// use redundancy_core::{Pose, Status, chain::catalog, path::Path, self_motion::SrsArm};
+/// use redundancy_core::planning::{SwivelPlanSettings, plan_swivel};
+/// let arm = SrsArm::new(&catalog::load("pa10")?)?;
+/// let poses: Vec<Pose> = (0..50).map(|k| Pose::translation(0.4, 0.01 * f64::from(k), 0.7)).collect();
+/// let path = Path::new(&poses, None, None)?;
+/// let plan = plan_swivel(&arm, &path, &SwivelPlanSettings::default(), &mut |_| true)?;
+/// assert_eq!(plan.status, Status::Converged);
+/// assert_eq!(plan.trajectory(arm.chain(), &path)?.rows(), 50);
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+///
 /// # Errors
-/// No pose, a pose that is not rigid or finite, times of another length or not ascending, invalid settings.
+/// A path of positions without orientations, invalid settings.
 pub fn plan_swivel(
     arm: &SrsArm,
-    poses: &[Pose],
-    t: Option<&[f64]>,
+    path: &Path,
     settings: &SwivelPlanSettings,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<SwivelPlan> {
+    let poses = path.poses();
     settings.validate(poses.len())?;
-    if poses.is_empty() {
-        return Err(Error::Invalid("the path has no points".into()));
-    }
-    for (i, pose) in poses.iter().enumerate() {
-        check_pose(&format!("pose {i}"), pose)?;
-    }
-    if let Some(t) = t {
-        crate::error::check_vector("t", t, poses.len())?;
-        if let Some(i) = t.windows(2).position(|w| w[1] <= w[0]) {
-            return Err(Error::Invalid(format!(
-                "t[{}] = {} is not after t[{i}] = {}",
-                i + 1,
-                t[i + 1],
-                t[i]
-            )));
-        }
+    if !path.has_orientation() {
+        return Err(Error::Invalid(
+            "the path has positions only; the arm needs an orientation for each point".into(),
+        ));
     }
     let circles: Vec<SelfMotion> = poses.iter().map(|pose| arm.self_motion(pose)).collect::<Result<_>>()?;
-    let problem = Problem::new(arm, t, settings, circles);
+    let problem = Problem::new(arm, path.t(), settings, circles);
     if let Some(plan) = problem.blocked() {
         return Ok(plan);
     }
@@ -183,6 +184,36 @@ pub fn plan_swivel(
         });
     };
     Ok(problem.finish(line))
+}
+
+impl SwivelPlan {
+    /// The plan as a trajectory: with the times of the path, or timed by the velocity limits of `chain` ([`FREE_SPEED`]
+    /// for joints without) where it has none. Reconfigurations are events.
+    ///
+    /// # Errors
+    /// None for a plan of this path.
+    pub fn trajectory(&self, chain: &Chain, path: &Path) -> Result<Trajectory> {
+        let rows = self.q.len();
+        let q = self.q.as_flattened().to_vec();
+        let t = match path.t() {
+            Some(t) => t[..rows].to_vec(),
+            None => {
+                let speed = |v: f64| if v.is_finite() { v } else { FREE_SPEED };
+                let limits: Vec<f64> = chain.joints().iter().map(|j| speed(j.limits.velocity)).collect();
+                times_within_limits(&q, &limits, TimingSettings::default())?
+            }
+        };
+        let event = |k: &usize| Event {
+            kind: EventKind::Reconfiguration,
+            index: *k,
+            t: t[*k],
+            s: path.s()[*k],
+            message: format!("the arm changes its configuration before point {k}"),
+        };
+        let events = self.reconfigurations.iter().map(event).collect();
+        let names = chain.joints().iter().map(|j| j.name.clone()).collect();
+        Trajectory::new(names, t, q, None, events)
+    }
 }
 
 fn empty() -> SwivelPlan {

@@ -64,23 +64,31 @@ struct Piece {
     branch: usize,
     a: Sample,
     b: Sample,
+    /// No configuration of the piece is better.
     bound: f64,
     /// Whether the rates are monotone as well.
     rates: bool,
 }
 
-impl PartialEq for Piece {
+/// A piece that waits for its turn.
+#[derive(Debug)]
+struct Pending {
+    bound: f64,
+    piece: Box<Piece>,
+}
+
+impl PartialEq for Pending {
     fn eq(&self, other: &Self) -> bool {
         self.bound == other.bound
     }
 }
-impl Eq for Piece {}
-impl PartialOrd for Piece {
+impl Eq for Pending {}
+impl PartialOrd for Pending {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
-impl Ord for Piece {
+impl Ord for Pending {
     /// The least bound is the greatest piece: it leaves the heap first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.bound.total_cmp(&self.bound)
@@ -91,6 +99,7 @@ struct Search<'a> {
     motion: &'a SelfMotion,
     springs: [JointSpring; 7],
     best: Option<Choice>,
+    heap: BinaryHeap<Pending>,
 }
 
 impl SelfMotion {
@@ -129,62 +138,45 @@ impl SelfMotion {
 
     /// Global minimum of a sum of springs.
     fn softest(&self, springs: [JointSpring; 7]) -> Option<Choice> {
-        let mut search = Search { motion: self, springs, best: None };
-        let mut heap = BinaryHeap::with_capacity(128);
+        let mut search = Search { motion: self, springs, best: None, heap: BinaryHeap::with_capacity(128) };
         self.for_each_piece(|branch, a, b| {
             search.offer(branch, &a);
             let bound = search.range_bound(&a, &b).0;
-            heap.push(Piece { branch, a, b, bound, rates: false });
+            search.push(Piece { branch, a, b, bound, rates: false });
         });
         // The cuts at extrema of the rates, computed when the first piece asks for them.
         let mut rate_cuts: [Option<Vec<f64>>; 2] = [None, None];
-        while let Some(piece) = heap.pop() {
-            let best = search.best.map_or(f64::INFINITY, |b| b.value);
-            if piece.bound >= best - OPTIMUM_GAP * (1.0 + best.abs()) {
+        while let Some(Pending { piece, .. }) = search.heap.pop() {
+            if search.is_settled(piece.bound) {
                 break;
             }
             search.offer(piece.branch, &piece.b);
+            let at = search.split(&piece);
             if piece.rates {
-                let middle = search.split(&piece);
-                self.divide(&mut search, &mut heap, &piece, &[middle]);
-            } else {
-                let elbow = usize::from(signs(piece.branch)[1] < 0 && !self.arm.inner.geometry.aligned);
-                let cuts = rate_cuts[elbow].get_or_insert_with(|| {
-                    let mut cuts = Vec::with_capacity(32);
-                    for joint in sphericals(&self.arm.inner.geometry, &self.circle, [1.0, -1.0][elbow]) {
-                        joint.push_rate_cuts(&mut cuts);
-                    }
-                    sorted_twice(cuts)
-                });
-                let first = cuts.partition_point(|s| *s <= piece.a.s);
-                let last = cuts.partition_point(|s| *s < piece.b.s);
-                self.divide(&mut search, &mut heap, &piece, &cuts[first..last.max(first)]);
+                search.divide(&piece, at, [true, true]);
+                continue;
+            }
+            let elbow = usize::from(signs(piece.branch)[1] < 0 && !self.arm.inner.geometry.aligned);
+            let cuts = rate_cuts[elbow].get_or_insert_with(|| {
+                let mut cuts = Vec::with_capacity(32);
+                for joint in sphericals(&self.arm.inner.geometry, &self.circle, [1.0, -1.0][elbow]) {
+                    joint.push_rate_cuts(&mut cuts);
+                }
+                sorted_twice(cuts)
+            });
+            let first = cuts.partition_point(|s| *s <= piece.a.s);
+            let last = cuts.partition_point(|s| *s < piece.b.s).max(first);
+            // The cut nearest to where the minimum seems to be; both sides may have further ones.
+            let inside = &cuts[first..last];
+            let nearest =
+                (0..inside.len()).min_by(|i, j| (inside[*i] - at).abs().total_cmp(&(inside[*j] - at).abs()));
+            match nearest {
+                None => search.divide(&piece, at, [true, true]),
+                Some(i) => search.divide(&piece, inside[i], [i == 0, i + 1 == inside.len()]),
             }
         }
         search.polish();
         search.best
-    }
-
-    /// Replaces a piece by those between the cuts, which lie inside of it.
-    fn divide(&self, search: &mut Search<'_>, heap: &mut BinaryHeap<Piece>, piece: &Piece, cuts: &[f64]) {
-        let mut a = piece.a;
-        for s in cuts.iter().copied().chain([piece.b.s]) {
-            if s <= a.s {
-                return;
-            }
-            let mut b = piece.b;
-            if s < piece.b.s {
-                b = self.sample(piece.branch, &self.node(piece.branch, s));
-                for i in 0..7 {
-                    // The joint is monotone on the piece: its value lies between those at the ends.
-                    b.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - b.q[i]);
-                }
-                search.offer(piece.branch, &b);
-            }
-            let bound = search.bound(&a, &b).max(piece.bound);
-            heap.push(Piece { branch: piece.branch, a, b, bound, rates: true });
-            a = b;
-        }
     }
 
     /// Calls `visit` for the pieces of every branch inside its feasible arcs on which all joints are monotone, and for
@@ -307,6 +299,35 @@ impl SelfMotion {
 }
 
 impl Search<'_> {
+    /// True when nothing better than the best point by more than the gap can have this bound.
+    fn is_settled(&self, bound: f64) -> bool {
+        self.best.is_some_and(|best| bound >= best.value - OPTIMUM_GAP * (1.0 + best.value.abs()))
+    }
+
+    /// Keeps the piece when it may hold something better.
+    fn push(&mut self, piece: Piece) {
+        if !self.is_settled(piece.bound) {
+            self.heap.push(Pending { bound: piece.bound, piece: Box::new(piece) });
+        }
+    }
+
+    /// Replaces a piece by its two parts at `s`; `rates` tells on which of them the rates are monotone.
+    fn divide(&mut self, piece: &Piece, s: f64, rates: [bool; 2]) {
+        if s <= piece.a.s || s >= piece.b.s {
+            return;
+        }
+        let mut middle = self.motion.sample(piece.branch, &self.motion.node(piece.branch, s));
+        for i in 0..7 {
+            // The joint is monotone on the piece: its value lies between those at the ends.
+            middle.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - middle.q[i]);
+        }
+        self.offer(piece.branch, &middle);
+        for ((a, b), rates) in [(piece.a, middle), (middle, piece.b)].into_iter().zip(rates) {
+            let bound = if rates { self.bound(&a, &b) } else { self.range_bound(&a, &b).0 };
+            self.push(Piece { branch: piece.branch, a, b, bound: bound.max(piece.bound), rates });
+        }
+    }
+
     /// Takes the point when it is better than the best so far.
     fn offer(&mut self, branch: usize, sample: &Sample) {
         let inner = &self.motion.arm.inner;
