@@ -1,10 +1,6 @@
-//! One binary for the public behaviour of the core.
+//! One binary for the public behaviour of the core: properties, agreement, paper tables.
 
 // clippy.toml covers `#[test]` functions only; here every function is part of a test.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-// Numbers as they stand in URDFs.
-#![allow(clippy::approx_constant)]
-// The helpers of tests may fail as loudly as the tests.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
