@@ -1,1 +1,4 @@
+//! One binary for the public behaviour of the core.
+
+mod rotation;
 mod smoke;
