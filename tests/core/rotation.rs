@@ -6,6 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 use redundancy_core::nalgebra::{Quaternion, UnitQuaternion};
 
+mod cone;
+mod optimize;
 mod quaternion;
 
 /// Whether the heavy checks run in full size.
