@@ -9,6 +9,7 @@ use redundancy_core::nalgebra::{Quaternion, UnitQuaternion};
 mod cone;
 mod optimize;
 mod quaternion;
+mod volume;
 
 /// Whether the heavy checks run in full size.
 pub fn full() -> bool {

@@ -6,6 +6,7 @@
 //! | file | what |
 //! |---|---|
 //! | `quaternion` | scalar-first bridge, Euler angles, swing and twist, shortest arc, error |
+//! | `volume` | [`QuaternionVolume`]: sequences of bounded rotations [FromGravdahl2007, sections 2, 3] |
 //! | `cone` | [`Cone`], [`Spin`]: smooth margins with gradient and Hessian [FromGravdahl2009, section III] |
 //! | `barrier` | logarithmic barriers of those margins |
 //! | `arc` | [`TwoCones`]: two cones on one axis in closed form |
@@ -20,6 +21,7 @@ mod cone;
 mod optimize;
 mod quaternion;
 mod start;
+mod volume;
 
 pub use arc::{DirectionMinimum, TwoCones};
 pub use barrier::Barrier;
@@ -32,3 +34,4 @@ pub use quaternion::{
     from_axis_angle, from_rpy, from_wxyz, from_xyz, from_zyz, quaternion_error, rotation_angle, shortest_arc,
     swing_twist, to_rpy, to_wxyz, to_xyz, to_zyz, unit_direction,
 };
+pub use volume::{CrossSection, QuaternionVolume, SectionDistance, SectionShape};
