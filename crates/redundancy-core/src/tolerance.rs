@@ -59,8 +59,16 @@ pub const HESSIAN_FLOOR: f64 = 1e-6;
 pub const HESSIAN_PIVOT: f64 = 1e-12;
 
 /// Squared Newton decrement, per unit of the least weight, below which full steps are taken without measuring the
-/// decrease: inside it a self-concordant barrier decreases quadratically.
-pub const NEWTON_DECREMENT: f64 = 0.04;
+/// decrease: a self-concordant function decreases by them for decrements up to 0.68, here 0.5.
+pub const NEWTON_DECREMENT: f64 = 0.25;
+
+/// Squared Newton decrement, per unit of the least weight, from which a full step is tried at twice its length. Next
+/// to the boundary of one set it is 1 or more and the step ends half-way to where it should.
+pub const STEP_DOUBLING: f64 = 0.7;
+
+/// Margin on a cone's axis (0.1 degrees of half-angle), and share of a perpendicular part, above which differences of
+/// numbers near 1 keep ten digits and are taken as they are.
+pub const PLAIN_MARGIN: f64 = 1e-6;
 
 /// Armijo's constant: the share of the predicted decrease that a step must realise.
 pub const SUFFICIENT_DECREASE: f64 = 1e-4;
@@ -71,6 +79,9 @@ pub const GRADIENT_STATIONARY: f64 = 1e-10;
 
 /// Normalised margin (1 at a cone's axis) at which the search for a feasible start is content.
 pub const START_MARGIN: f64 = 0.2;
+
+/// Share of an interval that a start keeps from its ends: next to a rim the barrier's steps only double the distance.
+pub const START_RIM: f64 = 0.02;
 
 /// Last smoothing of the search for a feasible start; twice it bounds, in rad, what smoothing adds to a miss angle.
 pub const START_SMOOTHING: f64 = 1e-9;

@@ -3,6 +3,7 @@
 //! Small inputs are copied, batches are borrowed. A pose is an array or any object with `homogeneous`
 //! (pinocchio), `as_matrix()` (scipy, mink, viser) or `A` (spatialmath); none of those packages is imported.
 
+use numpy::ndarray::{Dim, Dimension, IntoDimension};
 use numpy::{
     Element, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
@@ -141,12 +142,37 @@ pub fn to_array<'py, T: Element + Copy, const D: usize>(
     py: Python<'py>,
     values: &[T],
     shape: [usize; D],
-) -> PyResult<Bound<'py, PyArray<T, numpy::ndarray::Dim<[usize; D]>>>>
+) -> PyResult<Bound<'py, PyArray<T, Dim<[usize; D]>>>>
 where
-    numpy::ndarray::Dim<[usize; D]>: numpy::ndarray::Dimension,
-    [usize; D]: numpy::ndarray::IntoDimension<Dim = numpy::ndarray::Dim<[usize; D]>>,
+    Dim<[usize; D]>: Dimension,
+    [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
 {
-    PyArray1::from_slice(py, values).reshape(shape)
+    let array = new_array(py, shape);
+    let memory = writable(&array)?;
+    if memory.len() != values.len() {
+        let (expected, actual) = (memory.len(), values.len());
+        return Err(to_py(Error::Length { what: "array".into(), expected, actual }));
+    }
+    memory.copy_from_slice(values);
+    Ok(array)
+}
+
+/// A new C-contiguous array, all zero.
+pub fn new_array<'py, T: Element, const D: usize>(
+    py: Python<'py>,
+    shape: [usize; D],
+) -> Bound<'py, PyArray<T, Dim<[usize; D]>>>
+where
+    Dim<[usize; D]>: Dimension,
+    [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
+{
+    PyArray::zeros(py, shape, false)
+}
+
+/// The memory of an array that [`new_array`] has just made and that nobody else has seen.
+pub fn writable<'a, T: Element, D: Dimension>(array: &'a Bound<'_, PyArray<T, D>>) -> PyResult<&'a mut [T]> {
+    // SAFETY: callers pass a fresh array, so this is the only reference to its memory while it is being filled.
+    Ok(unsafe { array.as_slice_mut()? })
 }
 
 /// A pose as `(4, 4)`.

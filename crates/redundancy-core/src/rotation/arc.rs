@@ -33,7 +33,7 @@ use nalgebra::{Unit, Vector3};
 use crate::Status;
 use crate::error::{Error, Result};
 use crate::rotation::quaternion::{angle_between, half_turn};
-use crate::tolerance::ARC_STEP;
+use crate::tolerance::{ARC_STEP, START_RIM};
 
 /// Most steps of the scalar root: bisection alone would have met rounding by then.
 const ARC_STEPS: u32 = 64;
@@ -74,6 +74,12 @@ pub struct DirectionMinimum {
     pub miss_angle: f64,
 }
 
+impl DirectionMinimum {
+    fn at(direction: Unit<Vector3<f64>>, iterations: u32) -> Self {
+        Self { direction, status: Status::Converged, iterations, miss_angle: 0.0 }
+    }
+}
+
 /// Checks the weight of a barrier.
 pub(crate) fn check_weight(what: &str, weight: f64) -> Result<()> {
     if weight > 0.0 && weight.is_finite() {
@@ -107,44 +113,36 @@ impl TwoCones {
     /// The direction `z` that minimises the sum of both barriers, for the first cone around `u`, the second around `c`.
     #[inline]
     pub fn minimum(&self, u: &Unit<Vector3<f64>>, c: &Unit<Vector3<f64>>) -> DirectionMinimum {
-        // T = tan(omega/2), accurate for tiny and for wide arcs alike.
-        let t = ((u.into_inner() - c.into_inner()).norm_squared()
-            / (u.into_inner() + c.into_inner()).norm_squared())
-        .sqrt();
-        // In front of the quotient: an antipodal pair has T = infinity and never meets.
-        let meet = t - self.a < self.b * (1.0 + t * self.a);
-        if !meet {
+        let t = half_tangent(u, c);
+        if !self.meet(t) {
             return self.gap(u, c);
         }
         if t == 0.0 {
-            return DirectionMinimum {
-                direction: *u,
-                status: Status::Converged,
-                iterations: 0,
-                miss_angle: 0.0,
-            };
+            return DirectionMinimum::at(*u, 0);
         }
-        let (x, iterations) = self.root(t);
-        // z = (u sin(omega - t) + c sin t) / sin omega, with sin t = 2x / (1 + x^2).
-        let y = (t - x) / (1.0 + t * x);
-        let sum = u.into_inner() * (y * (1.0 + x * x)) + c.into_inner() * (x * (1.0 + y * y));
-        let direction = Unit::new_normalize(sum);
-        DirectionMinimum { direction, status: Status::Converged, iterations, miss_angle: 0.0 }
+        let (x, iterations) = Quartic::new(self, t).root();
+        DirectionMinimum::at(between(u, c, t, x), iterations)
     }
 
-    /// The direction in the middle of the interval of the arc on which both cones hold; a start for other methods.
-    pub(crate) fn middle(&self, u: &Unit<Vector3<f64>>, c: &Unit<Vector3<f64>>) -> DirectionMinimum {
-        let omega = angle_between(u, c);
-        if omega >= self.alpha + self.beta {
+    /// A direction inside of both cones and near the minimum, the root's first guess: a start for other methods.
+    pub(crate) fn guess(&self, u: &Unit<Vector3<f64>>, c: &Unit<Vector3<f64>>) -> DirectionMinimum {
+        let t = half_tangent(u, c);
+        if !self.meet(t) {
             return self.gap(u, c);
         }
-        let t = 0.5 * ((omega - self.alpha).max(0.0) + self.beta.min(omega));
-        DirectionMinimum {
-            direction: on_arc(u, c, t),
-            status: Status::Converged,
-            iterations: 0,
-            miss_angle: 0.0,
+        if t == 0.0 {
+            return DirectionMinimum::at(*u, 0);
         }
+        let quartic = Quartic::new(self, t);
+        let (low, high) = quartic.ends;
+        let rim = START_RIM * (high - low);
+        DirectionMinimum::at(between(u, c, t, quartic.secant().clamp(low + rim, high - rim)), 0)
+    }
+
+    /// Whether `omega < alpha + beta`, by their half tangents; an antipodal pair has T = infinity and never meets.
+    #[inline]
+    fn meet(&self, t: f64) -> bool {
+        t - self.a < self.b * (1.0 + t * self.a)
     }
 
     fn gap(&self, u: &Unit<Vector3<f64>>, c: &Unit<Vector3<f64>>) -> DirectionMinimum {
@@ -152,40 +150,70 @@ impl TwoCones {
         let direction = on_arc(u, c, self.beta + 0.5 * miss_angle);
         DirectionMinimum { direction, status: Status::Infeasible, iterations: 0, miss_angle }
     }
+}
 
-    /// The quartic's root in its interval and the number of steps.
+/// The quartic of the module's head, for one length of the arc.
+struct Quartic {
+    /// T, B and `x_a`.
+    t: f64,
+    b: f64,
+    x_a: f64,
+    /// T + A and A T - 1.
+    f: f64,
+    g: f64,
+    /// Weights of its two products.
+    k1: f64,
+    k2: f64,
+    /// The interval that holds its root.
+    ends: (f64, f64),
+}
+
+impl Quartic {
     #[inline]
-    fn root(&self, t: f64) -> (f64, u32) {
-        let Self { b, a, k1, k2, .. } = *self;
-        let (e, f, g) = (1.0 + a * t, t + a, a * t - 1.0);
+    fn new(cones: &TwoCones, t: f64) -> Self {
+        let TwoCones { b, a, k1, k2, .. } = *cones;
+        let e = 1.0 + a * t;
         let x_a = (t - a) / e;
-        let (scale1, scale2) = (k1 * e, k2);
-        // The two products of the quartic: p = first - second.
-        let first = |x: f64| scale1 * x * (x - x_a) * (f + g * x);
-        let second = |x: f64| scale2 * (t - x) * (1.0 + t * x) * (b - x) * (b + x);
-        let ends = (x_a.max(0.0), b.min(t));
+        Self { t, b, x_a, f: t + a, g: a * t - 1.0, k1: k1 * e, k2, ends: (x_a.max(0.0), b.min(t)) }
+    }
+
+    #[inline]
+    fn value(&self, x: f64) -> f64 {
+        let first = self.k1 * x * (x - self.x_a) * (self.f + self.g * x);
+        first - self.k2 * (self.t - x) * (1.0 + self.t * x) * (self.b - x) * (self.b + x)
+    }
+
+    /// Where the line between the values at the ends of the interval crosses zero.
+    #[inline]
+    fn secant(&self) -> f64 {
+        let (low, high) = self.ends;
+        let (at_low, at_high) = (self.value(low), self.value(high));
+        let x = low - at_low * (high - low) / (at_high - at_low);
+        if x > low && x < high { x } else { 0.5 * (low + high) }
+    }
+
+    /// The root in the interval and the number of steps.
+    #[inline]
+    fn root(&self) -> (f64, u32) {
+        let Self { t, b, x_a, f, g, k1, k2, ends } = *self;
         let (mut low, mut high) = ends;
-        let (at_low, at_high) = (first(low) - second(low), first(high) - second(high));
-        let mut x = low - at_low * (high - low) / (at_high - at_low);
-        if !(x > low && x < high) {
-            x = 0.5 * (low + high);
-        }
+        let mut x = self.secant();
         for step in 1..=ARC_STEPS {
             // Each product as (value, slope, curvature) of two quadratics.
             let (d, d1, d2) = ((x - x_a) * (f + g * x), f + g * (2.0 * x - x_a), 2.0 * g);
             let (n, n1, n2) = ((t - x) * (1.0 + t * x), t * t - 1.0 - 2.0 * t * x, -2.0 * t);
             let (m, m1, m2) = ((b - x) * (b + x), -2.0 * x, -2.0);
-            let p = scale1 * x * d - scale2 * n * m;
+            let p = k1 * x * d - k2 * n * m;
             if p < 0.0 {
                 low = x;
             } else {
                 high = x;
             }
-            let p1 = scale1 * (d + x * d1) - scale2 * (n1 * m + n * m1);
-            let p2 = scale1 * (2.0 * d1 + x * d2) - scale2 * (n2 * m + 2.0 * n1 * m1 + n * m2);
+            let p1 = k1 * (d + x * d1) - k2 * (n1 * m + n * m1);
+            let p2 = k1 * (2.0 * d1 + x * d2) - k2 * (n2 * m + 2.0 * n1 * m1 + n * m2);
             // Halley: cubic convergence for the price of one more product.
             let mut next = x - 2.0 * p * p1 / (2.0 * p1 * p1 - p * p2);
-            if !(next >= low && next <= high) {
+            if !(low..=high).contains(&next) {
                 next = 0.5 * (low + high);
             }
             let moved = (next - x).abs();
@@ -196,6 +224,20 @@ impl TwoCones {
         }
         (x, ARC_STEPS)
     }
+}
+
+/// `tan(omega/2)`, accurate for tiny and for wide arcs alike.
+#[inline]
+fn half_tangent(u: &Unit<Vector3<f64>>, c: &Unit<Vector3<f64>>) -> f64 {
+    ((u.into_inner() - c.into_inner()).norm_squared() / (u.into_inner() + c.into_inner()).norm_squared())
+        .sqrt()
+}
+
+/// The direction with `tan(angle from u / 2) = x`: `(u sin(omega - t) + c sin t) / sin omega`, `sin t = 2x / (1 + x^2)`.
+#[inline]
+fn between(u: &Unit<Vector3<f64>>, c: &Unit<Vector3<f64>>, t: f64, x: f64) -> Unit<Vector3<f64>> {
+    let y = (t - x) / (1.0 + t * x);
+    Unit::new_normalize(u.into_inner() * (y * (1.0 + x * x)) + c.into_inner() * (x * (1.0 + y * y)))
 }
 
 /// The direction at the angle `t` from `u` on the arc to `c`; past antipodal ends the arc is canonical.

@@ -76,7 +76,20 @@ impl Barrier {
 /// Sum of the barriers' values; infinite outside.
 #[inline]
 pub(crate) fn value(barriers: &[Barrier], q: &UnitQuaternion<f64>) -> f64 {
-    barriers.iter().map(|b| b.value(q)).sum()
+    let rotation = q.to_rotation_matrix().into_inner();
+    let mut sum = 0.0;
+    for barrier in barriers {
+        let margin = match &barrier.constraint {
+            Constraint::Cone(cone) => cone.slope(&rotation).0,
+            Constraint::Spin(spin) => spin.slope(q).0,
+        };
+        let inside = margin > 0.0;
+        if !inside {
+            return f64::INFINITY;
+        }
+        sum -= barrier.weight * margin.ln();
+    }
+    sum
 }
 
 /// Sum of the barriers' gradients; `None` outside.

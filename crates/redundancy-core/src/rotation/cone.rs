@@ -165,11 +165,17 @@ impl Cone {
     /// The margin from `c = R^T d`.
     #[inline]
     fn margin_at(&self, c: &Vector3<f64>) -> f64 {
-        // Of the two forms the one whose squared distance is small keeps its digits.
-        if self.body_axis.dot(c) >= 0.0 {
-            self.sin2 - 0.25 * (self.body_axis.into_inner() - c).norm_squared()
+        self.margin_between(&self.body_axis, c)
+    }
+
+    /// The margin from the axis and the direction in the same frame.
+    #[inline]
+    pub(crate) fn margin_between(&self, b: &Vector3<f64>, c: &Vector3<f64>) -> f64 {
+        // Of the two forms the one whose squared distance is small at the rim keeps its digits there.
+        if self.sin2 <= self.cos2 {
+            self.sin2 - 0.25 * (b - c).norm_squared()
         } else {
-            0.25 * (self.body_axis.into_inner() + c).norm_squared() - self.cos2
+            0.25 * (b + c).norm_squared() - self.cos2
         }
     }
 

@@ -52,7 +52,7 @@ use crate::rotation::quaternion::{
 use crate::rotation::start::{self, Start};
 use crate::tolerance::{
     ANGLE_PART, GRADIENT_STATIONARY, HESSIAN_FLOOR, HESSIAN_PIVOT, NEWTON_DECREMENT, ORIENTATION_STEP,
-    SAME_AXIS, SAME_VALUE, SUFFICIENT_DECREASE,
+    PLAIN_MARGIN, SAME_AXIS, SAME_VALUE, STEP_DOUBLING, SUFFICIENT_DECREASE,
 };
 
 /// How the barrier problem is solved.
@@ -320,34 +320,40 @@ impl OrientationOptimizer {
         if self.method == OrientationMethod::ClosedForm {
             return self.closed_form(q0);
         }
-        let starts = match q0 {
-            Some(q) if self.inside(q) => Starts::One(*q),
-            _ => self.feasible_start(q0),
-        };
-        match starts {
-            Starts::One(q) if q0.is_none() && matches!(self.structure, Structure::General) => {
-                // Not convex: the best of the minima that lie under the candidates of the search for a start.
-                let first = self.iterate(q, q0);
-                start::seeds(&self.barriers).filter(|q| self.inside(q)).fold(first, |best, q| {
-                    let other = self.iterate(q, q0);
-                    if other.value < best.value - SAME_VALUE * best.value.abs().max(1.0) {
-                        other
-                    } else {
-                        best
-                    }
-                })
-            }
-            Starts::One(q) => self.iterate(q, q0),
-            Starts::Two(a, b) => {
-                let (a, b) = (self.iterate(a, q0), self.iterate(b, q0));
-                if b.value < a.value { b } else { a }
-            }
-            Starts::Outside(q, miss_angle) => self.infeasible(q, miss_angle, 0),
+        if let Some(q) = q0
+            && let Some(solution) = self.iterate(*q, q0)
+        {
+            return solution;
         }
-    }
-
-    fn inside(&self, q: &UnitQuaternion<f64>) -> bool {
-        self.barriers.iter().all(|b| b.constraint().margin(q) > 0.0)
+        match self.quick_start(q0) {
+            Quick::One(q) => {
+                if let Some(solution) = self.iterate(q, q0) {
+                    return solution;
+                }
+            }
+            Quick::Two(a, b) => {
+                if let (Some(a), Some(b)) = (self.iterate(a, q0), self.iterate(b, q0)) {
+                    return if b.value < a.value { b } else { a };
+                }
+            }
+            Quick::Outside(q, miss_angle) => return self.infeasible(q, miss_angle, 0),
+            Quick::Unknown => {}
+        }
+        match start::find(&self.barriers, q0) {
+            Start::Outside(q, miss_angle) => self.infeasible(q, miss_angle, 0),
+            Start::Inside(q) => {
+                let mut best = self.iterate(q, q0).unwrap_or_else(|| self.infeasible(q, 0.0, 0));
+                if q0.is_none() && matches!(self.structure, Structure::General) {
+                    // Not convex: the best of the minima that lie under the candidates of the search for a start.
+                    for other in start::seeds(&self.barriers).filter_map(|q| self.iterate(q, q0)) {
+                        if other.value < best.value - SAME_VALUE * best.value.abs().max(1.0) {
+                            best = other;
+                        }
+                    }
+                }
+                best
+            }
+        }
     }
 
     fn infeasible(&self, q: UnitQuaternion<f64>, miss_angle: f64, iterations: u32) -> OrientationSolution {
@@ -418,49 +424,43 @@ impl OrientationOptimizer {
         }
     }
 
-    /// One or two orientations inside of every set.
-    fn feasible_start(&self, q0: Option<&UnitQuaternion<f64>>) -> Starts {
-        if let Structure::Axis { axis, first, second, spin } = &self.structure {
-            let place = |z: &Unit<Vector3<f64>>| self.with_axis(axis, z, spin.as_ref(), q0);
-            let starts = match second {
-                None => Starts::One(place(first)),
-                Some(Second { direction, cones: Some(cones), .. }) => {
-                    let middle = cones.middle(first, direction);
-                    let q = place(&middle.direction);
-                    if middle.status == Status::Infeasible {
-                        return Starts::Outside(q, middle.miss_angle);
-                    }
-                    Starts::One(q)
+    /// Starts that the structure gives without a search; they may still lie outside, by rounding or at a spin's pole.
+    fn quick_start(&self, q0: Option<&UnitQuaternion<f64>>) -> Quick {
+        let Structure::Axis { axis, first, second, spin } = &self.structure else {
+            return Quick::Unknown;
+        };
+        let place = |z: &Unit<Vector3<f64>>| self.with_axis(axis, z, spin.as_ref(), q0);
+        match second {
+            None => Quick::One(place(first)),
+            Some(Second { direction, cones: Some(cones), .. }) => {
+                let guess = cones.guess(first, direction);
+                let q = place(&guess.direction);
+                if guess.status == Status::Infeasible {
+                    return Quick::Outside(q, guess.miss_angle);
                 }
-                Some(Second { direction, half_angles, .. }) => {
-                    match wide_middles(first, direction, *half_angles) {
-                        [Some(a), Some(b)] => Starts::Two(place(&a), place(&b)),
-                        [Some(a), None] | [None, Some(a)] => Starts::One(place(&a)),
-                        [None, None] => Starts::Outside(place(first), 0.0),
-                    }
-                }
-            };
-            let fits = match &starts {
-                Starts::One(q) => self.inside(q),
-                Starts::Two(a, b) => self.inside(a) && self.inside(b),
-                Starts::Outside(..) => false,
-            };
-            if fits {
-                return starts;
+                Quick::One(q)
             }
-        }
-        match start::find(&self.barriers, q0) {
-            Start::Inside(q) => Starts::One(q),
-            Start::Outside(q, miss_angle) => Starts::Outside(q, miss_angle),
+            Some(Second { direction, half_angles, .. }) => {
+                match wide_middles(first, direction, *half_angles) {
+                    [Some(a), Some(b)] => Quick::Two(place(&a), place(&b)),
+                    [Some(a), None] | [None, Some(a)] => Quick::One(place(&a)),
+                    [None, None] => Quick::Unknown,
+                }
+            }
         }
     }
 
-    fn iterate(&self, start: UnitQuaternion<f64>, q0: Option<&UnitQuaternion<f64>>) -> OrientationSolution {
+    /// The descent from `start`; `None` when it lies outside of a set.
+    fn iterate(
+        &self,
+        start: UnitQuaternion<f64>,
+        q0: Option<&UnitQuaternion<f64>>,
+    ) -> Option<OrientationSolution> {
         let (q, status, iterations) = match self.method {
             OrientationMethod::Gradient => self.gradient_method(start),
             _ => self.newton(start),
-        };
-        self.finish(self.canonical(q, q0), status, iterations)
+        }?;
+        Some(self.finish(self.canonical(q, q0), status, iterations))
     }
 
     /// The member of the minimiser's orbit that the module's rule picks.
@@ -480,39 +480,43 @@ impl OrientationOptimizer {
         }
     }
 
-    fn newton(&self, start: UnitQuaternion<f64>) -> (UnitQuaternion<f64>, Status, u32) {
+    fn newton(&self, start: UnitQuaternion<f64>) -> Option<Descent> {
         let tolerance = self.settings.tolerance.unwrap_or(ORIENTATION_STEP);
         let limit = self.settings.max_iterations.unwrap_or(NEWTON_ITERATIONS);
         let mut q = start;
-        let Some(mut model) = barrier::model(&self.barriers, &q) else {
-            return (q, Status::Infeasible, 0);
-        };
+        let mut model = barrier::model(&self.barriers, &q)?;
+        // The value at q, where a line search has measured it.
+        let mut value = None;
         for iteration in 1..=limit {
             self.flatten(&mut model, &q);
             let step = factored_direction(&model).unwrap_or_else(|| self.convex_direction(&q, &model));
             // Squared decrement per unit of weight: at 1 the step reaches about to the boundary.
             let decrement = -model.gradient.dot(&step) / self.least;
             let size = step.norm();
-            let near = decrement <= NEWTON_DECREMENT;
-            let whole =
-                near.then(|| retract(&q, &step)).and_then(|t| Some((t, barrier::model(&self.barriers, &t)?)));
-            match whole {
-                Some((trial, next)) => (q, model) = (trial, next),
-                None => match self.line_search(&q, &step, decrement * self.least) {
-                    Some((trial, next)) => (q, model) = (trial, next),
-                    // No decrease is left above rounding.
-                    None if size * decrement.sqrt() <= tolerance.sqrt() => {
-                        return (q, Status::Converged, iteration);
+            let error = size * decrement.max(0.0).sqrt();
+            if decrement <= NEWTON_DECREMENT {
+                let trial = retract(&q, &step);
+                if let Some(next) = barrier::model(&self.barriers, &trial) {
+                    (q, model, value) = (trial, next, None);
+                    // Quadratic convergence: the error after the step is its length times the decrement before it.
+                    if error <= tolerance {
+                        return Some((q, Status::Converged, iteration));
                     }
-                    None => return (q, Status::IterationLimit, iteration),
-                },
+                    continue;
+                }
             }
-            // Quadratic convergence: the error after the step is its length times the decrement before it.
-            if near && size * decrement.max(0.0).sqrt() <= tolerance {
-                return (q, Status::Converged, iteration);
+            let before = value.unwrap_or_else(|| barrier::value(&self.barriers, &q));
+            let found = self.line_search(&q, &step, before, decrement * self.least);
+            let next = found
+                .and_then(|(trial, after)| Some((trial, after, barrier::model(&self.barriers, &trial)?)));
+            match next {
+                Some((trial, after, next)) => (q, value, model) = (trial, Some(after), next),
+                // No decrease is left above rounding.
+                None if error <= tolerance.sqrt() => return Some((q, Status::Converged, iteration)),
+                None => return Some((q, Status::IterationLimit, iteration)),
             }
         }
-        (q, Status::IterationLimit, limit)
+        Some((q, Status::IterationLimit, limit))
     }
 
     /// The direction where the Hessian is not positive definite: without the spins' second derivatives, which bend
@@ -526,44 +530,42 @@ impl OrientationOptimizer {
         descent_direction(&convex)
     }
 
-    /// A point along `step` that decreases the value enough; longer than the step while that pays.
+    /// A point along `step` that decreases the value enough, and its value; longer than the step while that pays.
     fn line_search(
         &self,
         q: &UnitQuaternion<f64>,
         step: &Vector3<f64>,
+        before: f64,
         slope: f64,
-    ) -> Option<(UnitQuaternion<f64>, Model)> {
-        let before = barrier::value(&self.barriers, q);
+    ) -> Option<(UnitQuaternion<f64>, f64)> {
         let at = |length: f64| {
             let trial = retract(q, &(step * length));
             (trial, barrier::value(&self.barriers, &trial))
         };
         let mut length = 1.0;
-        let (mut best, mut value) = at(length);
-        if value <= before - SUFFICIENT_DECREASE * slope {
-            for _ in 0..DOUBLINGS {
-                length *= 2.0;
-                let (trial, trial_value) = at(length);
-                if trial_value >= value {
-                    break;
-                }
-                (best, value) = (trial, trial_value);
-            }
-        } else {
-            let mut found = false;
-            for _ in 0..HALVINGS {
-                length *= 0.5;
-                (best, value) = at(length);
-                if value <= before - SUFFICIENT_DECREASE * length * slope {
-                    found = true;
-                    break;
+        let mut best = at(length);
+        if best.1 <= before - SUFFICIENT_DECREASE * slope {
+            // Only a step that is about to leave a boundary gains from going further.
+            if slope > STEP_DOUBLING * self.least {
+                for _ in 0..DOUBLINGS {
+                    length *= 2.0;
+                    let trial = at(length);
+                    if trial.1 >= best.1 {
+                        break;
+                    }
+                    best = trial;
                 }
             }
-            if !found {
-                return None;
+            return Some(best);
+        }
+        for _ in 0..HALVINGS {
+            length *= 0.5;
+            best = at(length);
+            if best.1 <= before - SUFFICIENT_DECREASE * length * slope {
+                return Some(best);
             }
         }
-        barrier::model(&self.barriers, &best).map(|model| (best, model))
+        None
     }
 
     /// Gives the direction of a symmetry, in which the Hessian is zero at the minimum and indefinite elsewhere, the
@@ -589,21 +591,19 @@ impl OrientationOptimizer {
         model.gradient -= n * n.dot(&model.gradient);
     }
 
-    fn gradient_method(&self, start: UnitQuaternion<f64>) -> (UnitQuaternion<f64>, Status, u32) {
+    fn gradient_method(&self, start: UnitQuaternion<f64>) -> Option<Descent> {
         let tolerance = self.settings.tolerance.unwrap_or(GRADIENT_STATIONARY);
         let limit = self.settings.max_iterations.unwrap_or(GRADIENT_ITERATIONS);
         let first = self.settings.step.unwrap_or(0.25 / self.curvature);
         let stop = (tolerance * self.curvature).powi(2);
         let mut q = start;
-        let Some(mut slope) = barrier::gradient(&self.barriers, &q) else {
-            return (q, Status::Infeasible, 0);
-        };
+        let mut slope = barrier::gradient(&self.barriers, &q)?;
         if self.settings.backtracking {
             let (mut step, mut value) = (first, barrier::value(&self.barriers, &q));
             for iteration in 0..limit {
                 let squared = slope.norm_squared();
                 if squared <= stop {
-                    return (q, Status::Converged, iteration);
+                    return Some((q, Status::Converged, iteration));
                 }
                 let mut moved = false;
                 for _ in 0..HALVINGS {
@@ -625,15 +625,18 @@ impl OrientationOptimizer {
                     } else {
                         Status::IterationLimit
                     };
-                    return (q, status, iteration);
+                    return Some((q, status, iteration));
                 }
                 step *= 2.0;
             }
-            return (q, Status::IterationLimit, limit);
+            return Some((q, Status::IterationLimit, limit));
+        }
+        if let Symmetry::Body(axis) = &self.symmetry {
+            return self.fixed_steps_on_axis(q, axis, first, stop, limit);
         }
         for iteration in 0..limit {
             if slope.norm_squared() <= stop {
-                return (q, Status::Converged, iteration);
+                return Some((q, Status::Converged, iteration));
             }
             let mut step = first;
             let mut next = None;
@@ -647,11 +650,110 @@ impl OrientationOptimizer {
             }
             match next {
                 Some(moved) => (q, slope) = moved,
-                None => return (q, Status::IterationLimit, iteration),
+                None => return Some((q, Status::IterationLimit, iteration)),
             }
         }
-        (q, Status::IterationLimit, limit)
+        Some((q, Status::IterationLimit, limit))
     }
+}
+
+impl OrientationOptimizer {
+    /// The fixed step for cones on one body axis, on the rotated axis `z` alone: the spin about it changes nothing.
+    fn fixed_steps_on_axis(
+        &self,
+        start: UnitQuaternion<f64>,
+        axis: &Unit<Vector3<f64>>,
+        step: f64,
+        stop: f64,
+        limit: u32,
+    ) -> Option<Descent> {
+        let from = start * axis;
+        let two = match &self.structure {
+            Structure::Axis { first, second: Some(second), .. } => Some((first, &second.direction)),
+            _ => None,
+        };
+        let wide =
+            |b: &Barrier| matches!(b.constraint(), Constraint::Cone(cone) if cone.scale() > PLAIN_MARGIN);
+        let (z, status, iterations) = match (two, self.barriers.as_slice()) {
+            (Some((d1, d2)), [one, two]) if wide(one) && wide(two) => {
+                // Margins as they are printed, (d . z - cos) / 2: one product less on the way from z to z.
+                let half_cosine = |b: &Barrier| match b.constraint() {
+                    Constraint::Cone(cone) => 0.5 - cone.scale(),
+                    Constraint::Spin(_) => f64::INFINITY,
+                };
+                let (d1, d2) = (0.5 * d1.into_inner(), 0.5 * d2.into_inner());
+                let (c1, c2) = (half_cosine(one), half_cosine(two));
+                let (k1, k2) = (2.0 * one.weight(), 2.0 * two.weight());
+                let pull = |z: &Vector3<f64>| {
+                    let (m1, m2) = (z.dot(&d1) - c1, z.dot(&d2) - c2);
+                    (m1 > 0.0 && m2 > 0.0).then(|| d1 * (k1 / m1) + d2 * (k2 / m2))
+                };
+                fixed_steps(&from, step, stop, limit, pull)
+            }
+            _ => fixed_steps(&from, step, stop, limit, |z| self.pull_on_axis(axis, z)),
+        }?;
+        Some((compose(&shortest_arc(&from, &Unit::new_normalize(z)), &start), status, iterations))
+    }
+
+    /// `sum k_i d_i / m_i` for cones on `axis`, which points along `z`; `None` outside.
+    fn pull_on_axis(&self, axis: &Unit<Vector3<f64>>, z: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let mut pull = Vector3::zeros();
+        for barrier in &self.barriers {
+            let Constraint::Cone(cone) = barrier.constraint() else { return None };
+            // A cone on -axis around d is one on axis around -d.
+            let sign = if axis.dot(&cone.body_axis()) < 0.0 { -1.0 } else { 1.0 };
+            let margin = cone.margin_between(&(z * sign), &cone.direction());
+            let inside = margin > 0.0;
+            if !inside {
+                return None;
+            }
+            pull += cone.direction().into_inner() * (sign * barrier.weight() / margin);
+        }
+        Some(pull)
+    }
+}
+
+/// The paper's iteration seen on the axis `z`. With `p` the part of `step * pull(z)` perpendicular to `z`, the step on
+/// the quaternion moves `z` to `((1 - p^2) z + 2 p) / (1 + p^2)`, and `|grad| = |p| / (2 step)`: no root is needed.
+#[inline]
+fn fixed_steps(
+    from: &Unit<Vector3<f64>>,
+    step: f64,
+    stop: f64,
+    limit: u32,
+    pull: impl Fn(&Vector3<f64>) -> Option<Vector3<f64>>,
+) -> Option<(Vector3<f64>, Status, u32)> {
+    let mut z = from.into_inner();
+    let mut force = pull(&z)?;
+    let stop = 4.0 * stop;
+    for iteration in 0..limit {
+        let along = z.dot(&force);
+        let whole = force.norm_squared();
+        let mut across = whole - along * along;
+        if across <= PLAIN_MARGIN * whole {
+            // Near the minimum the difference cancels.
+            across = (force - z * along).norm_squared();
+            if across <= stop {
+                return Some((z, Status::Converged, iteration));
+            }
+        }
+        let mut length = step;
+        loop {
+            let squared = length * length * across;
+            let inverse = 1.0 / (1.0 + squared);
+            let trial =
+                z * ((1.0 - squared - 2.0 * length * along) * inverse) + force * (2.0 * length * inverse);
+            if let Some(next) = pull(&trial) {
+                (z, force) = (trial, next);
+                break;
+            }
+            length *= 0.5;
+            if length < step * f64::EPSILON {
+                return Some((z, Status::IterationLimit, iteration));
+            }
+        }
+    }
+    Some((z, Status::IterationLimit, limit))
 }
 
 const NEWTON_ITERATIONS: u32 = 100;
@@ -659,11 +761,17 @@ const GRADIENT_ITERATIONS: u32 = 10_000;
 const HALVINGS: u32 = 60;
 const DOUBLINGS: u32 = 8;
 
-enum Starts {
+/// What [`OrientationOptimizer::quick_start`] gives.
+enum Quick {
     One(UnitQuaternion<f64>),
     Two(UnitQuaternion<f64>, UnitQuaternion<f64>),
+    /// The cones miss each other: the least bad orientation and the angle.
     Outside(UnitQuaternion<f64>, f64),
+    Unknown,
 }
+
+/// Orientation, status and number of iterations of a descent.
+type Descent = (UnitQuaternion<f64>, Status, u32);
 
 /// `q * (1, delta / 2)`, normalised: agrees with `q * exp(delta)` up to the third order and needs no sine.
 #[inline]
@@ -839,33 +947,7 @@ pub fn optimal_directions(
     axes: &mut [[f64; 3]],
     status: &mut [Status],
 ) -> Result<()> {
-    let n = normals.len();
-    for (what, length) in [("directions", directions.len()), ("axes", axes.len()), ("status", status.len())] {
-        if length != n {
-            return Err(Error::Length { what: what.into(), expected: n, actual: length });
-        }
-    }
-    let solver = cones.solver()?;
-    let block = |(start, (out, status)): (usize, (&mut [[f64; 3]], &mut [Status]))| -> Result<()> {
-        for (i, (out, status)) in out.iter_mut().zip(status).enumerate() {
-            let row = start * ROWS_PER_TASK + i;
-            let named = |what: &str, v: &[f64; 3]| {
-                quick_direction(v).map_or_else(|| unit_direction(&format!("{what}, row {row}"), *v), Ok)
-            };
-            let (u, c) = (named("normals", &normals[row])?, named("directions", &directions[row])?);
-            let (z, s) = solver.solve(&u, &c)?;
-            *out = [z.x, z.y, z.z];
-            *status = s;
-        }
-        Ok(())
-    };
-    axes.par_chunks_mut(ROWS_PER_TASK)
-        .zip(status.par_chunks_mut(ROWS_PER_TASK))
-        .enumerate()
-        .map(block)
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect()
+    cones.solve_rows(0, normals, directions, axes, status)
 }
 
 /// Rows that one task of the pool takes: about 50 us.
@@ -898,6 +980,58 @@ enum DirectionSolver {
 }
 
 impl DirectionCones {
+    /// Checks angles and weights.
+    ///
+    /// # Errors
+    /// A half-angle outside (0, pi), a weight that is not positive and finite.
+    pub fn validate(&self) -> Result<()> {
+        self.solver().map(|_| ())
+    }
+
+    /// [`optimal_directions`] on a part of a longer batch, whose first row has the number `first_row` in messages.
+    ///
+    /// # Errors
+    /// As [`optimal_directions`].
+    pub fn solve_rows(
+        &self,
+        first_row: usize,
+        normals: &[[f64; 3]],
+        directions: &[[f64; 3]],
+        axes: &mut [[f64; 3]],
+        status: &mut [Status],
+    ) -> Result<()> {
+        let n = normals.len();
+        for (what, length) in
+            [("directions", directions.len()), ("axes", axes.len()), ("status", status.len())]
+        {
+            if length != n {
+                return Err(Error::Length { what: what.into(), expected: n, actual: length });
+            }
+        }
+        let solver = self.solver()?;
+        let block = |(start, (out, status)): (usize, (&mut [[f64; 3]], &mut [Status]))| -> Result<()> {
+            for (i, (out, status)) in out.iter_mut().zip(status).enumerate() {
+                let local = start * ROWS_PER_TASK + i;
+                let row = first_row + local;
+                let named = |what: &str, v: &[f64; 3]| {
+                    quick_direction(v).map_or_else(|| unit_direction(&format!("{what}, row {row}"), *v), Ok)
+                };
+                let (u, c) = (named("normals", &normals[local])?, named("directions", &directions[local])?);
+                let (z, s) = solver.solve(&u, &c)?;
+                *out = [z.x, z.y, z.z];
+                *status = s;
+            }
+            Ok(())
+        };
+        axes.par_chunks_mut(ROWS_PER_TASK)
+            .zip(status.par_chunks_mut(ROWS_PER_TASK))
+            .enumerate()
+            .map(block)
+            .collect::<Vec<_>>()
+            .into_iter()
+            .collect()
+    }
+
     fn solver(&self) -> Result<DirectionSolver> {
         check_finite("beta, alpha", &[self.beta, self.alpha])?;
         if self.beta >= FRAC_PI_2 || self.alpha >= FRAC_PI_2 {

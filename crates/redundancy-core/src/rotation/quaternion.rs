@@ -43,7 +43,9 @@ pub fn from_wxyz(wxyz: [f64; 4]) -> Result<UnitQuaternion<f64>> {
     if (norm - 1.0).abs() > QUATERNION_UNIT {
         return Err(Error::NotUnit { what: "orientation".into(), norm, tolerance: QUATERNION_UNIT });
     }
-    Ok(Unit::new_normalize(quaternion))
+    // What was normalised before keeps its bits.
+    let exact = (norm - 1.0).abs() <= f64::EPSILON;
+    Ok(if exact { Unit::new_unchecked(quaternion) } else { Unit::new_normalize(quaternion) })
 }
 
 /// The entries `(w, x, y, z)`; the inverse of [`from_wxyz`].
@@ -64,9 +66,14 @@ pub fn to_wxyz(q: &UnitQuaternion<f64>) -> [f64; 4] {
 /// ```
 pub fn unit_direction(what: &str, vector: [f64; 3]) -> Result<Unit<Vector3<f64>>> {
     check_finite(what, &vector)?;
+    let given = Vector3::from(vector);
+    if (given.norm() - 1.0).abs() <= f64::EPSILON {
+        // What was normalised before keeps its bits.
+        return Ok(Unit::new_unchecked(given));
+    }
     // The scale keeps the squares of very long vectors finite.
     let scale = vector.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let scaled = if scale > 0.0 { Vector3::from(vector) / scale } else { Vector3::zeros() };
+    let scaled = if scale > 0.0 { given / scale } else { Vector3::zeros() };
     let norm = scaled.norm() * scale;
     if norm < DIRECTION_NORM {
         return Err(Error::ZeroDirection { what: what.into(), norm, minimum: DIRECTION_NORM });

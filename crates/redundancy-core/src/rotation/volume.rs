@@ -145,6 +145,19 @@ impl SectionShape {
     }
 }
 
+impl std::str::FromStr for SectionShape {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        let all = [Self::Point, Self::Line, Self::Square, Self::Disc];
+        all.into_iter().find(|s| s.as_str() == name).ok_or_else(|| Error::UnknownName {
+            kind: "shape",
+            name: name.into(),
+            valid: all.iter().map(|s| s.as_str().into()).collect(),
+        })
+    }
+}
+
 /// Where the tool axis can meet a plane, see [`QuaternionVolume::cross_section`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CrossSection {
@@ -319,6 +332,19 @@ impl QuaternionVolume {
                 rotations[..*count].iter().map(|r| ([r.axis.x, r.axis.y, r.axis.z], r.low, r.high)).collect(),
             ),
         }
+    }
+
+    /// Body axis and half-angle (rad) of a cone before its reorientations; `None` for a sequence.
+    pub fn cone_shape(&self) -> Option<([f64; 3], f64)> {
+        match self.shape {
+            Shape::Cone { axis, half_angle } => Some((axis.into_inner().into(), half_angle)),
+            Shape::Sequence { .. } => None,
+        }
+    }
+
+    /// The same set with other reorientations `P` and `S` in place of its own.
+    pub fn with_reorientations(&self, before: UnitQuaternion<f64>, after: UnitQuaternion<f64>) -> Self {
+        Self { before, after, ..*self }
     }
 
     /// The reorientations `(P, S)`.
