@@ -96,3 +96,6 @@ pub const VOLUME_NARROW: f64 = 1e-6;
 /// Relative difference below which two local minima of the barrier count as equally good: rounding of the sums of
 /// logarithms. The first one found is kept, so that the choice does not depend on noise.
 pub const SAME_VALUE: f64 = 1e-12;
+
+/// Rounding of a sum of weighted logarithms, relative to the larger of the sum and its weights: a few additions.
+pub const VALUE_ROUNDING: f64 = 4e-16;

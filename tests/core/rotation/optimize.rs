@@ -509,3 +509,23 @@ fn single_constraints() {
         assert_eq!(closed.solve(None).q, reference);
     }
 }
+
+/// The gradient method with backtracking ends at the minimum of every variant, not where the value stops changing.
+#[test]
+fn the_gradient_method_arrives() {
+    let mut random = Random::new(60);
+    for n in 0..600 {
+        let barriers = problem(&mut random, 1 + n % 3);
+        let newton = optimizer(&barriers, OrientationMethod::Newton).solve(Some(&cold()));
+        let gradient = optimizer(&barriers, OrientationMethod::Gradient).solve(Some(&cold()));
+        assert_eq!(newton.status == Status::Infeasible, gradient.status == Status::Infeasible);
+        if newton.status == Status::Infeasible {
+            continue;
+        }
+        assert_eq!(gradient.status, Status::Converged, "{n}: {gradient:?} {newton:?}");
+        // The local minimum under the same start; a variant with an x cone may have several.
+        if n % 3 != 1 {
+            assert!((gradient.value - newton.value).abs() < 1e-9, "{n}");
+        }
+    }
+}

@@ -16,7 +16,8 @@
 //! * **gradient**: the paper's, `Q <- normalise(Q - a grad phi(Q))`, [FromGravdahl2009, eq. (40)] with Q where print
 //!   has phi, normalised in every iteration: 'optimise freely, normalise afterwards' is unbounded below. The radial
 //!   part of the printed gradient only rescales `Q` before it is normalised and is left out. The step `a` is fixed,
-//!   halved only where it would leave the sets, or found by backtracking.
+//!   halved only where it would leave the sets; or it is halved until `phi` falls enough, starting from the inverse
+//!   curvature along the last step [BarzilaiBorwein1988].
 //! * **auto**: the closed form where it applies, else Newton.
 //!
 //! # Non-unique minimisers
@@ -52,7 +53,7 @@ use crate::rotation::quaternion::{
 use crate::rotation::start::{self, Start};
 use crate::tolerance::{
     ANGLE_PART, GRADIENT_STATIONARY, HESSIAN_FLOOR, HESSIAN_PIVOT, NEWTON_DECREMENT, ORIENTATION_STEP,
-    PLAIN_MARGIN, SAME_AXIS, SAME_VALUE, STEP_DOUBLING, SUFFICIENT_DECREASE,
+    PLAIN_MARGIN, SAME_AXIS, SAME_VALUE, STEP_DOUBLING, SUFFICIENT_DECREASE, VALUE_ROUNDING,
 };
 
 /// How the barrier problem is solved.
@@ -591,6 +592,49 @@ impl OrientationOptimizer {
         model.gradient -= n * n.dot(&model.gradient);
     }
 
+    /// The gradient method with the step halved until the value falls enough.
+    fn backtracking(
+        &self,
+        start: UnitQuaternion<f64>,
+        slope: Vector3<f64>,
+        first: f64,
+        stop: f64,
+        limit: u32,
+    ) -> Descent {
+        let (mut q, mut slope, mut step) = (start, slope, first);
+        let mut value = barrier::value(&self.barriers, &q);
+        let total: f64 = self.barriers.iter().map(Barrier::weight).sum();
+        for iteration in 0..limit {
+            let squared = slope.norm_squared();
+            if squared <= stop {
+                return (q, Status::Converged, iteration);
+            }
+            let rounding = VALUE_ROUNDING * value.abs().max(total);
+            let mut next = None;
+            for _ in 0..HALVINGS {
+                // The paper's step a moves the body by the rotation vector -4 a grad.
+                let trial = retract(&q, &(slope * (-4.0 * step)));
+                let after = barrier::value(&self.barriers, &trial);
+                // Rounding hides the last decreases; there the step's length comes from the gradients alone.
+                if after <= value - SUFFICIENT_DECREASE * 4.0 * step * squared + rounding
+                    && let Some(gradient) = barrier::gradient(&self.barriers, &trial)
+                {
+                    next = Some((trial, after, gradient));
+                    break;
+                }
+                step *= 0.5;
+            }
+            let Some((trial, after, gradient)) = next else {
+                return (q, Status::IterationLimit, iteration);
+            };
+            // Barzilai and Borwein's length, the inverse curvature along the step just taken.
+            let bend = -slope.dot(&(gradient - slope));
+            step = if bend > 0.0 { step * squared / bend } else { 2.0 * step };
+            (q, value, slope) = (trial, after, gradient);
+        }
+        (q, Status::IterationLimit, limit)
+    }
+
     fn gradient_method(&self, start: UnitQuaternion<f64>) -> Option<Descent> {
         let tolerance = self.settings.tolerance.unwrap_or(GRADIENT_STATIONARY);
         let limit = self.settings.max_iterations.unwrap_or(GRADIENT_ITERATIONS);
@@ -599,37 +643,7 @@ impl OrientationOptimizer {
         let mut q = start;
         let mut slope = barrier::gradient(&self.barriers, &q)?;
         if self.settings.backtracking {
-            let (mut step, mut value) = (first, barrier::value(&self.barriers, &q));
-            for iteration in 0..limit {
-                let squared = slope.norm_squared();
-                if squared <= stop {
-                    return Some((q, Status::Converged, iteration));
-                }
-                let mut moved = false;
-                for _ in 0..HALVINGS {
-                    // The paper's step a moves the body by the rotation vector -4 a grad.
-                    let trial = retract(&q, &(slope * (-4.0 * step)));
-                    let trial_value = barrier::value(&self.barriers, &trial);
-                    if trial_value <= value - SUFFICIENT_DECREASE * 4.0 * step * squared
-                        && let Some(next) = barrier::gradient(&self.barriers, &trial)
-                    {
-                        (q, value, slope, moved) = (trial, trial_value, next, true);
-                        break;
-                    }
-                    step *= 0.5;
-                }
-                if !moved {
-                    // Rounding of the value hides the decrease: as far as this method gets.
-                    let status = if squared.sqrt() <= tolerance.sqrt() * self.curvature {
-                        Status::Converged
-                    } else {
-                        Status::IterationLimit
-                    };
-                    return Some((q, status, iteration));
-                }
-                step *= 2.0;
-            }
-            return Some((q, Status::IterationLimit, limit));
+            return Some(self.backtracking(q, slope, first, stop, limit));
         }
         if let Symmetry::Body(axis) = &self.symmetry {
             return self.fixed_steps_on_axis(q, axis, first, stop, limit);
