@@ -529,3 +529,23 @@ fn the_gradient_method_arrives() {
         }
     }
 }
+
+/// Nothing allocates per solve, whatever the method and the start.
+#[test]
+fn solving_allocates_nothing() {
+    let mut random = Random::new(70);
+    for n in 0..300 {
+        let barriers = problem(&mut random, 1 + n % 3);
+        for method in [OrientationMethod::Auto, OrientationMethod::Newton, OrientationMethod::Gradient] {
+            let o = optimizer(&barriers, method);
+            let mut margins = [0.0; 3];
+            for q0 in [None, Some(cold())] {
+                let allocations = crate::allocations::count(|| {
+                    let s = o.solve(q0.as_ref());
+                    margins.iter_mut().zip(o.margins(&s.q)).for_each(|(slot, m)| *slot = m);
+                });
+                assert_eq!(allocations, 0, "{method:?}, problem {n}");
+            }
+        }
+    }
+}
