@@ -10,5 +10,6 @@ mod chain_urdf;
 mod kinematics;
 mod path;
 mod planning;
+mod rotation;
 mod self_motion;
 mod support;

@@ -9,6 +9,7 @@ mod criterion;
 mod error;
 mod path;
 mod planning;
+mod rotation;
 mod self_motion;
 mod status;
 
@@ -22,6 +23,13 @@ mod _core {
     use criterion::{PyCriterion, PyJointRange, PyPosture};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
+    #[pymodule_export]
+    use rotation::{
+        PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,
+        optimal_directions, quaternion_angle, quaternion_error, quaternion_from_rpy, quaternion_from_xyz,
+        quaternion_from_zyz, quaternion_shortest_arc, quaternion_swing_twist, quaternion_to_rpy,
+        quaternion_to_xyz, quaternion_to_zyz,
+    };
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
 

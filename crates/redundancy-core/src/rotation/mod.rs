@@ -1,1 +1,37 @@
 //! Orientations and sets of them; no robot in here.
+//!
+//! Pointing, spraying, welding and polishing leave the tool partly free. This room makes that freedom a set with a
+//! margin and finds the best orientation in it.
+//!
+//! | file | what |
+//! |---|---|
+//! | `quaternion` | scalar-first bridge, Euler angles, swing and twist, shortest arc, error |
+//! | `volume` | [`QuaternionVolume`]: sequences of bounded rotations [FromGravdahl2007, sections 2, 3] |
+//! | `cone` | [`Cone`], [`Spin`]: smooth margins with gradient and Hessian [FromGravdahl2009, section III] |
+//! | `barrier` | logarithmic barriers of those margins |
+//! | `arc` | [`TwoCones`]: two cones on one axis in closed form |
+//! | `start` | a feasible start, or the angle by which the sets miss |
+//! | `optimize` | [`OrientationOptimizer`], [`optimal_directions`] |
+//!
+//! Tangent vectors are rotation vectors (rad) in body axes: `q` moves to `q * exp(delta)`.
+
+mod arc;
+mod barrier;
+mod cone;
+mod optimize;
+mod quaternion;
+mod start;
+mod volume;
+
+pub use arc::{DirectionMinimum, TwoCones};
+pub use barrier::Barrier;
+pub use cone::{Cone, Constraint, Spin};
+pub use optimize::{
+    DirectionCones, OrientationMethod, OrientationOptimizer, OrientationSettings, OrientationSolution,
+    optimal_directions,
+};
+pub use quaternion::{
+    from_axis_angle, from_rpy, from_wxyz, from_xyz, from_zyz, quaternion_error, rotation_angle, shortest_arc,
+    swing_twist, to_rpy, to_wxyz, to_xyz, to_zyz, unit_direction,
+};
+pub use volume::{CrossSection, QuaternionVolume, SectionDistance, SectionShape};

@@ -1,0 +1,901 @@
+//! Sets of orientations and the best orientation in them. Quaternions are `(w, x, y, z)`.
+
+use std::f64::consts::PI;
+
+use numpy::{Element, PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use rayon::prelude::*;
+use redundancy_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use redundancy_core::rotation::{
+    self, Barrier, Cone, Constraint, CrossSection, DirectionCones, OrientationMethod, OrientationOptimizer,
+    OrientationSettings, OrientationSolution, QuaternionVolume, SectionDistance, Spin,
+};
+use redundancy_core::{Error, Result, Status};
+
+use crate::batch::in_blocks;
+use crate::convert::{new_array, read_array, read_rows, read_vector, to_array, writable};
+use crate::error::to_py;
+use crate::status::status_to_py;
+
+/// Rows between two looks at Ctrl-C: some milliseconds.
+const BLOCK: usize = 65_536;
+/// Rows of one parallel task.
+const TASK: usize = 256;
+
+fn quaternion(object: &Bound<'_, PyAny>, what: &str) -> PyResult<UnitQuaternion<f64>> {
+    rotation::from_wxyz(read_array::<4>(object, what)?).map_err(to_py)
+}
+
+fn wxyz<'py>(py: Python<'py>, q: &UnitQuaternion<f64>) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, &rotation::to_wxyz(q))
+}
+
+fn vector<'py>(py: Python<'py>, v: &Vector3<f64>) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, v.as_slice())
+}
+
+/// Names the row of a batch in an error.
+fn in_row(error: Error, row: Option<usize>) -> Error {
+    match row {
+        None => error,
+        Some(row) => Error::Invalid(format!("row {row}: {error}")),
+    }
+}
+
+/// Calls `f` for one row of `width` numbers or for each of many, and returns an item of shape `out` or an array
+/// `(N, *out)`.
+fn map_rows<'py, T, const IN: usize>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+    out: &[usize],
+    threads: Option<usize>,
+    f: impl Fn([f64; IN], &mut [T]) -> Result<()> + Sync,
+) -> PyResult<Bound<'py, PyAny>>
+where
+    T: Element + Copy + Default + Send + Sync + IntoPyObjectScalar,
+{
+    let py = object.py();
+    let rows = read_rows(object, what, &[IN])?;
+    let (inputs, _) = rows.as_slice()?.as_chunks::<IN>();
+    let width: usize = out.iter().product();
+    let Some(n) = rows.batch else {
+        let mut values = vec![T::default(); width];
+        f(inputs[0], &mut values).map_err(to_py)?;
+        return match out {
+            [] => values[0].scalar(py),
+            [a] => Ok(to_array(py, &values, [*a])?.into_any()),
+            _ => Ok(to_array(py, &values, [out[0], out[1]])?.into_any()),
+        };
+    };
+    let array = new_array::<T, 2>(py, [n, width]);
+    let memory = writable(&array)?;
+    in_blocks(py, n, BLOCK, threads, |range| {
+        let first = range.start;
+        let tasks = memory[range.start * width..range.end * width].par_chunks_mut(TASK * width);
+        let failed = tasks.enumerate().filter_map(|(task, chunk)| {
+            let start = first + task * TASK;
+            chunk
+                .chunks_exact_mut(width)
+                .zip(&inputs[start..])
+                .enumerate()
+                .find_map(|(i, (item, input))| f(*input, item).err().map(|error| (start + i, error)))
+        });
+        // The first bad row is reported whatever the threads.
+        match failed.min_by_key(|(row, _)| *row) {
+            None => Ok(()),
+            Some((row, error)) => Err(in_row(error, Some(row))),
+        }
+    })?;
+    match out {
+        [] => Ok(array.reshape([n])?.into_any()),
+        [_] => Ok(array.into_any()),
+        _ => Ok(array.reshape([n, out[0], out[1]])?.into_any()),
+    }
+}
+
+/// Scalars that become plain Python objects.
+trait IntoPyObjectScalar: Copy {
+    fn scalar(self, py: Python<'_>) -> PyResult<Bound<'_, PyAny>>;
+}
+
+impl IntoPyObjectScalar for f64 {
+    fn scalar(self, py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+        Ok(self.into_pyobject(py)?.into_any())
+    }
+}
+
+impl IntoPyObjectScalar for bool {
+    fn scalar(self, py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+        Ok(self.into_pyobject(py)?.to_owned().into_any())
+    }
+}
+
+/// The same for quaternions.
+fn map_quaternions<'py, T>(
+    object: &Bound<'py, PyAny>,
+    out: &[usize],
+    threads: Option<usize>,
+    f: impl Fn(&UnitQuaternion<f64>, &mut [T]) + Sync,
+) -> PyResult<Bound<'py, PyAny>>
+where
+    T: Element + Copy + Default + Send + Sync + IntoPyObjectScalar,
+{
+    map_rows::<T, 4>(object, "q (w, x, y, z)", out, threads, |row, item| {
+        f(&rotation::from_wxyz(row)?, item);
+        Ok(())
+    })
+}
+
+fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
+    // Symmetric, so the order does not matter.
+    out.copy_from_slice(m.as_slice());
+}
+
+/// Orientations whose body axis lies within a half-angle of a direction.
+#[pyclass(name = "Cone", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[derive(Clone, PartialEq)]
+pub struct PyCone {
+    cone: Cone,
+}
+
+#[pymethods]
+impl PyCone {
+    #[new]
+    fn new(body_axis: &Bound<'_, PyAny>, direction: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
+        let (b, d) = (read_array(body_axis, "body_axis")?, read_array(direction, "direction")?);
+        Ok(Self { cone: Cone::new(b, d, half_angle).map_err(to_py)? })
+    }
+
+    /// The body z axis around a direction.
+    #[staticmethod]
+    fn z(direction: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
+        Ok(Self { cone: Cone::z(read_array(direction, "direction")?, half_angle).map_err(to_py)? })
+    }
+
+    /// The body x axis around a direction.
+    #[staticmethod]
+    fn x(direction: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
+        Ok(Self { cone: Cone::x(read_array(direction, "direction")?, half_angle).map_err(to_py)? })
+    }
+
+    /// The body z axis around -z.
+    #[staticmethod]
+    fn downward(half_angle: f64) -> PyResult<Self> {
+        Ok(Self { cone: Cone::downward(half_angle).map_err(to_py)? })
+    }
+
+    /// A body axis around the same axis of a frame.
+    #[staticmethod]
+    fn of_frame(frame: &Bound<'_, PyAny>, axis: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
+        let frame = quaternion(frame, "frame")?;
+        Ok(Self { cone: Cone::of_frame(&frame, read_array(axis, "axis")?, half_angle).map_err(to_py)? })
+    }
+
+    #[getter]
+    fn body_axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, &self.cone.body_axis())
+    }
+
+    #[getter]
+    fn direction<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, &self.cone.direction())
+    }
+
+    #[getter]
+    fn half_angle(&self) -> f64 {
+        self.cone.half_angle()
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn angle<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.angle(q))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.margin(q))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
+            out.copy_from_slice(self.cone.gradient(q).as_slice());
+        })
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.cone.hessian(q), out))
+    }
+
+    fn __getnewargs__(&self) -> ([f64; 3], [f64; 3], f64) {
+        let (b, d) = (self.cone.body_axis().into_inner(), self.cone.direction().into_inner());
+        (b.into(), d.into(), self.cone.half_angle())
+    }
+
+    fn __repr__(&self) -> String {
+        let (b, d, angle) = self.__getnewargs__();
+        format!("Cone(body_axis={b:?}, direction={d:?}, half_angle={angle})")
+    }
+}
+
+/// Orientations turned about a body axis by at most an angle from a reference.
+#[pyclass(name = "Spin", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[derive(Clone, PartialEq)]
+pub struct PySpin {
+    spin: Spin,
+}
+
+#[pymethods]
+impl PySpin {
+    #[new]
+    #[pyo3(signature = (reference, max_angle, axis=None))]
+    fn new(reference: &Bound<'_, PyAny>, max_angle: f64, axis: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let axis = axis.map_or(Ok([0.0, 0.0, 1.0]), |a| read_array(a, "axis"))?;
+        Ok(Self { spin: Spin::new(quaternion(reference, "reference")?, max_angle, axis).map_err(to_py)? })
+    }
+
+    /// The same about an axis given in the world frame.
+    #[staticmethod]
+    fn about_world_axis(
+        reference: &Bound<'_, PyAny>,
+        max_angle: f64,
+        axis: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let reference = quaternion(reference, "reference")?;
+        let spin = Spin::about_world_axis(reference, max_angle, read_array(axis, "axis")?);
+        Ok(Self { spin: spin.map_err(to_py)? })
+    }
+
+    #[getter]
+    fn reference<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        wxyz(py, &self.spin.reference())
+    }
+
+    #[getter]
+    fn max_angle(&self) -> f64 {
+        self.spin.max_angle()
+    }
+
+    #[getter]
+    fn axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        vector(py, &self.spin.axis())
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn twist<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.twist(q))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.margin(q))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
+            out.copy_from_slice(self.spin.gradient(q).as_slice());
+        })
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.spin.hessian(q), out))
+    }
+
+    fn __getnewargs__(&self) -> ([f64; 4], f64, [f64; 3]) {
+        let axis = self.spin.axis().into_inner();
+        (rotation::to_wxyz(&self.spin.reference()), self.spin.max_angle(), axis.into())
+    }
+
+    fn __repr__(&self) -> String {
+        let (reference, angle, axis) = self.__getnewargs__();
+        format!("Spin(reference={reference:?}, max_angle={angle}, axis={axis:?})")
+    }
+}
+
+/// A set of orientations: up to three bounded rotations in sequence, or a cone.
+#[pyclass(name = "QuaternionVolume", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[derive(Clone, PartialEq)]
+pub struct PyQuaternionVolume {
+    volume: QuaternionVolume,
+}
+
+type VolumeState = (Vec<[f64; 3]>, Vec<f64>, Vec<f64>, Option<f64>, [f64; 4], [f64; 4]);
+
+impl PyQuaternionVolume {
+    fn from_core(volume: Result<QuaternionVolume>) -> PyResult<Self> {
+        Ok(Self { volume: volume.map_err(to_py)? })
+    }
+
+    /// Axes, bounds, half-angle (of a cone), reorientations.
+    fn state(&self) -> VolumeState {
+        let (before, after) = self.volume.reorientations();
+        let (before, after) = (rotation::to_wxyz(&before), rotation::to_wxyz(&after));
+        match self.volume.bounds() {
+            Some(bounds) => {
+                let axes = bounds.iter().map(|(axis, _, _)| *axis).collect();
+                let low = bounds.iter().map(|(_, low, _)| *low).collect();
+                (axes, low, bounds.iter().map(|(_, _, high)| *high).collect(), None, before, after)
+            }
+            None => {
+                let (axis, half_angle) = self.volume.cone_shape().unwrap_or(([0.0, 0.0, 1.0], PI));
+                (vec![axis], vec![], vec![], Some(half_angle), before, after)
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl PyQuaternionVolume {
+    #[staticmethod]
+    fn zyz(alpha: [f64; 2], beta: [f64; 2], gamma: [f64; 2]) -> PyResult<Self> {
+        Self::from_core(QuaternionVolume::zyz(alpha, beta, gamma))
+    }
+
+    #[staticmethod]
+    fn xyz(alpha: [f64; 2], beta: [f64; 2], gamma: [f64; 2]) -> PyResult<Self> {
+        Self::from_core(QuaternionVolume::xyz(alpha, beta, gamma))
+    }
+
+    #[staticmethod]
+    fn single_axis(axis: &Bound<'_, PyAny>, range: [f64; 2]) -> PyResult<Self> {
+        Self::from_core(QuaternionVolume::single_axis(read_array(axis, "axis")?, range))
+    }
+
+    #[staticmethod]
+    fn pyramid(half_x: f64, half_y: f64) -> PyResult<Self> {
+        Self::from_core(QuaternionVolume::pyramid(half_x, half_y))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (axis, half_angle, direction=None))]
+    fn cone(
+        axis: &Bound<'_, PyAny>,
+        half_angle: f64,
+        direction: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let axis = read_array(axis, "axis")?;
+        Self::from_core(match direction {
+            None => QuaternionVolume::cone(axis, half_angle),
+            Some(d) => QuaternionVolume::cone_around(axis, read_array(d, "direction")?, half_angle),
+        })
+    }
+
+    #[staticmethod]
+    fn from_axes(
+        axes: &Bound<'_, PyAny>,
+        lower: &Bound<'_, PyAny>,
+        upper: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let rows = read_rows(axes, "axes", &[3])?;
+        let (axes, _) = rows.as_slice()?.as_chunks::<3>();
+        let (lower, upper) = (read_vector(lower, "lower", None)?, read_vector(upper, "upper", None)?);
+        Self::from_core(QuaternionVolume::from_axes(axes, &lower, &upper))
+    }
+
+    /// Number of rotations.
+    #[getter]
+    fn dimension(&self) -> usize {
+        self.volume.dimension()
+    }
+
+    #[pyo3(signature = (q, tol=1e-9, *, threads=None))]
+    fn contains<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        tol: f64,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        if tol.is_nan() || tol < 0.0 {
+            return Err(to_py(Error::OutOfRange { what: "tol".into(), value: tol, bound: ">= 0".into() }));
+        }
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.contains(q, tol))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.margin(q))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn angles<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        let k = self.volume.dimension();
+        map_quaternions(q, &[k], threads, |q, out: &mut [f64]| {
+            out.copy_from_slice(&self.volume.angles(q)[..k]);
+        })
+    }
+
+    fn at<'py>(&self, py: Python<'py>, angles: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let q = self.volume.at(&read_vector(angles, "angles", None)?).map_err(to_py)?;
+        Ok(wxyz(py, &q))
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn visualising<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[4], threads, |q, out: &mut [f64]| {
+            out.copy_from_slice(&rotation::to_wxyz(&self.volume.visualising(q)));
+        })
+    }
+
+    #[pyo3(signature = (q, *, threads=None))]
+    fn nearest<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[4], threads, |q, out: &mut [f64]| {
+            out.copy_from_slice(&rotation::to_wxyz(&self.volume.nearest(q)));
+        })
+    }
+
+    #[pyo3(signature = (p, side="left"))]
+    fn reoriented(&self, p: &Bound<'_, PyAny>, side: &str) -> PyResult<Self> {
+        let p = quaternion(p, "p")?;
+        match side {
+            "left" => Ok(Self { volume: self.volume.reoriented(&p) }),
+            "right" => Ok(Self { volume: self.volume.reoriented_in_body(&p) }),
+            other => {
+                let valid = vec!["left".into(), "right".into()];
+                Err(to_py(Error::UnknownName { kind: "side", name: other.into(), valid }))
+            }
+        }
+    }
+
+    #[pyo3(signature = (n, seed=0))]
+    fn sample<'py>(&self, py: Python<'py>, n: usize, seed: u64) -> PyResult<Bound<'py, PyAny>> {
+        let list = py.detach(|| self.volume.sample(n, seed));
+        let values: Vec<f64> = list.iter().flat_map(rotation::to_wxyz).collect();
+        Ok(to_array(py, &values, [n, 4])?.into_any())
+    }
+
+    #[pyo3(signature = (distance, along="tool"))]
+    fn cross_section(&self, distance: f64, along: &str) -> PyResult<PyCrossSection> {
+        let measured = match along {
+            "tool" => SectionDistance::AlongTool,
+            "normal" => SectionDistance::ToPlane,
+            other => {
+                let valid = vec!["tool".into(), "normal".into()];
+                return Err(to_py(Error::UnknownName { kind: "distance", name: other.into(), valid }));
+            }
+        };
+        let section = self.volume.cross_section(distance, measured).map_err(to_py)?;
+        Ok(PyCrossSection { section })
+    }
+
+    #[staticmethod]
+    fn _restore(
+        axes: Vec<[f64; 3]>,
+        lower: Vec<f64>,
+        upper: Vec<f64>,
+        half_angle: Option<f64>,
+        before: [f64; 4],
+        after: [f64; 4],
+    ) -> PyResult<Self> {
+        let volume = match half_angle {
+            Some(half_angle) => QuaternionVolume::cone(axes.first().copied().unwrap_or_default(), half_angle),
+            None => QuaternionVolume::from_axes(&axes, &lower, &upper),
+        };
+        let restored = volume.and_then(|v| {
+            let (before, after) = (rotation::from_wxyz(before)?, rotation::from_wxyz(after)?);
+            Ok(v.with_reorientations(before, after))
+        });
+        Self::from_core(restored)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, VolumeState)> {
+        Ok((py.get_type::<Self>().getattr("_restore")?, self.state()))
+    }
+
+    fn __repr__(&self) -> String {
+        let (axes, lower, upper, half_angle, before, after) = self.state();
+        let set = match half_angle {
+            Some(half_angle) => format!("cone(axis={:?}, half_angle={half_angle}", axes[0]),
+            None => format!("from_axes(axes={axes:?}, lower={lower:?}, upper={upper:?}"),
+        };
+        let identity = [1.0, 0.0, 0.0, 0.0];
+        let side = |q: [f64; 4], name: &str| {
+            if q == identity { String::new() } else { format!(".reoriented({q:?}, side='{name}')") }
+        };
+        format!("QuaternionVolume.{set}){}{}", side(before, "left"), side(after, "right"))
+    }
+}
+
+/// Where the tool axis can meet a plane.
+#[pyclass(name = "CrossSection", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[derive(Clone, PartialEq)]
+pub struct PyCrossSection {
+    section: CrossSection,
+}
+
+#[pymethods]
+impl PyCrossSection {
+    #[new]
+    fn new(shape: &str, x: [f64; 2], y: [f64; 2]) -> PyResult<Self> {
+        let section = CrossSection { shape: shape.parse().map_err(to_py)?, x, y };
+        Ok(Self { section })
+    }
+
+    #[getter]
+    fn shape(&self) -> &'static str {
+        self.section.shape.as_str()
+    }
+
+    #[getter]
+    fn x(&self) -> (f64, f64) {
+        self.section.x.into()
+    }
+
+    #[getter]
+    fn y(&self) -> (f64, f64) {
+        self.section.y.into()
+    }
+
+    fn __getnewargs__(&self) -> (&'static str, (f64, f64), (f64, f64)) {
+        (self.shape(), self.x(), self.y())
+    }
+
+    fn __repr__(&self) -> String {
+        let (shape, x, y) = self.__getnewargs__();
+        format!("CrossSection(shape='{shape}', x={x:?}, y={y:?})")
+    }
+}
+
+/// A weight and a constraint of the optimizer.
+fn read_barrier(item: &Bound<'_, PyAny>, index: usize) -> PyResult<Barrier> {
+    let named = |error: Error| to_py(Error::Invalid(format!("constraints[{index}]: {error}")));
+    let Ok((weight, object)) = item.extract::<(f64, Bound<'_, PyAny>)>() else {
+        return Err(named(Error::Invalid("expected a pair (weight, constraint)".into())));
+    };
+    let constraint: Constraint = if let Ok(cone) = object.cast::<PyCone>() {
+        cone.get().cone.into()
+    } else if let Ok(spin) = object.cast::<PySpin>() {
+        spin.get().spin.into()
+    } else if let Ok(volume) = object.cast::<PyQuaternionVolume>() {
+        let message = "a volume of bounded angles has no smooth margin; give a Cone, a Spin or a cone volume";
+        volume.get().volume.as_cone().ok_or_else(|| named(Error::Invalid(message.into())))?.into()
+    } else {
+        let kind = object.get_type().name()?.to_string();
+        return Err(named(Error::Invalid(format!("a {kind} is not a Cone, Spin or QuaternionVolume"))));
+    };
+    Barrier::new(weight, constraint).map_err(named)
+}
+
+/// Finds the orientation that minimises a weighted sum of logarithmic barriers.
+#[pyclass(name = "OrientationOptimizer", module = "redundancy", frozen)]
+pub struct PyOrientationOptimizer {
+    optimizer: OrientationOptimizer,
+}
+
+#[pymethods]
+impl PyOrientationOptimizer {
+    #[new]
+    #[pyo3(signature = (constraints, method="auto", *, tolerance=None, max_iterations=None, step=None, backtracking=true))]
+    fn new(
+        constraints: &Bound<'_, PyAny>,
+        method: &str,
+        tolerance: Option<f64>,
+        max_iterations: Option<u32>,
+        step: Option<f64>,
+        backtracking: bool,
+    ) -> PyResult<Self> {
+        let barriers: PyResult<Vec<Barrier>> =
+            constraints.try_iter()?.enumerate().map(|(index, item)| read_barrier(&item?, index)).collect();
+        let method = method.parse().map_err(to_py)?;
+        let settings = OrientationSettings { method, tolerance, max_iterations, step, backtracking };
+        let optimizer = OrientationOptimizer::new(barriers?, settings).map_err(to_py)?;
+        Ok(Self { optimizer })
+    }
+
+    /// The method that `solve` uses.
+    #[getter]
+    fn method(&self) -> &'static str {
+        self.optimizer.method().as_str()
+    }
+
+    /// The pairs (weight, constraint).
+    #[getter]
+    fn constraints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let list = PyList::empty(py);
+        for barrier in self.optimizer.barriers() {
+            let object = match *barrier.constraint() {
+                Constraint::Cone(cone) => Bound::new(py, PyCone { cone })?.into_any(),
+                Constraint::Spin(spin) => Bound::new(py, PySpin { spin })?.into_any(),
+            };
+            list.append((barrier.weight(), object))?;
+        }
+        Ok(list)
+    }
+
+    #[pyo3(signature = (q0=None))]
+    fn solve(&self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>) -> PyResult<PyOrientationSolution> {
+        let q0 = q0.map(|q| quaternion(q, "q0")).transpose()?;
+        Ok(py.detach(|| {
+            let solution = self.optimizer.solve(q0.as_ref());
+            PyOrientationSolution { solution, margins: self.optimizer.margins(&solution.q).collect() }
+        }))
+    }
+
+    /// Sum of weight x barrier.
+    #[pyo3(signature = (q, *, threads=None))]
+    fn value<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[], threads, |q, out| out[0] = self.optimizer.value(q))
+    }
+
+    /// The margins in the order of the constraints.
+    #[pyo3(signature = (q, *, threads=None))]
+    fn margins<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        map_quaternions(q, &[self.optimizer.barriers().len()], threads, |q, out: &mut [f64]| {
+            out.iter_mut().zip(self.optimizer.margins(q)).for_each(|(slot, m)| *slot = m);
+        })
+    }
+
+    /// Gradient in the body tangent space.
+    fn gradient<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let g = self.optimizer.gradient(&quaternion(q, "q")?).ok_or_else(outside)?;
+        Ok(vector(py, &g))
+    }
+
+    /// Hessian in the body tangent space.
+    fn hessian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let h = self.optimizer.hessian(&quaternion(q, "q")?).ok_or_else(outside)?;
+        Ok(to_array(py, h.as_slice(), [3, 3])?.into_any())
+    }
+
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<((Bound<'py, PyList>, &'static str), Bound<'py, PyDict>)> {
+        let s = self.optimizer.settings();
+        let named = PyDict::new(py);
+        named.set_item("tolerance", s.tolerance)?;
+        named.set_item("max_iterations", s.max_iterations)?;
+        named.set_item("step", s.step)?;
+        named.set_item("backtracking", s.backtracking)?;
+        Ok(((self.constraints(py)?, s.method.as_str()), named))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let asked = self.optimizer.settings().method.as_str();
+        Ok(format!("OrientationOptimizer({}, method='{asked}')", self.constraints(py)?.repr()?))
+    }
+}
+
+fn outside() -> PyErr {
+    to_py(Error::Invalid("q lies outside of a constraint, where the barrier has no derivative".into()))
+}
+
+/// Result of `OrientationOptimizer.solve`.
+#[pyclass(name = "OrientationSolution", module = "redundancy", frozen)]
+pub struct PyOrientationSolution {
+    solution: OrientationSolution,
+    margins: Vec<f64>,
+}
+
+type SolutionState = ([f64; 4], f64, String, u32, Vec<f64>, f64, f64, String);
+
+#[pymethods]
+impl PyOrientationSolution {
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        wxyz(py, &self.solution.q)
+    }
+
+    #[getter]
+    fn value(&self) -> f64 {
+        self.solution.value
+    }
+
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.solution.status)
+    }
+
+    #[getter]
+    fn iterations(&self) -> u32 {
+        self.solution.iterations
+    }
+
+    #[getter]
+    fn margins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.margins)
+    }
+
+    #[getter]
+    fn gradient_norm(&self) -> f64 {
+        self.solution.gradient_norm
+    }
+
+    #[getter]
+    fn miss_angle(&self) -> f64 {
+        self.solution.miss_angle
+    }
+
+    #[getter]
+    fn method(&self) -> &'static str {
+        self.solution.method.as_str()
+    }
+
+    #[staticmethod]
+    fn _restore(
+        q: [f64; 4],
+        value: f64,
+        status: &str,
+        iterations: u32,
+        margins: Vec<f64>,
+        gradient_norm: f64,
+        miss_angle: f64,
+        method: &str,
+    ) -> PyResult<Self> {
+        let method: OrientationMethod = method.parse().map_err(to_py)?;
+        let status = Status::ALL.into_iter().find(|s| s.as_str() == status).ok_or_else(|| {
+            let valid = Status::ALL.iter().map(|s| s.as_str().into()).collect();
+            to_py(Error::UnknownName { kind: "status", name: status.into(), valid })
+        })?;
+        let q = rotation::from_wxyz(q).map_err(to_py)?;
+        let solution =
+            OrientationSolution { q, value, status, iterations, gradient_norm, miss_angle, method };
+        Ok(Self { solution, margins })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, SolutionState)> {
+        let s = &self.solution;
+        let state = (
+            rotation::to_wxyz(&s.q),
+            s.value,
+            s.status.as_str().into(),
+            s.iterations,
+            self.margins.clone(),
+            s.gradient_norm,
+            s.miss_angle,
+            s.method.as_str().into(),
+        );
+        Ok((py.get_type::<Self>().getattr("_restore")?, state))
+    }
+
+    fn __repr__(&self) -> String {
+        let s = &self.solution;
+        format!(
+            "OrientationSolution(status='{}', q={:?}, value={}, iterations={}, gradient_norm={:e}, miss_angle={}, \
+             method='{}')",
+            s.status,
+            rotation::to_wxyz(&s.q),
+            s.value,
+            s.iterations,
+            s.gradient_norm,
+            s.miss_angle,
+            s.method.as_str()
+        )
+    }
+}
+
+/// Rows of one input of `optimal_directions`, repeated when there is one row for many.
+fn spread(values: &[f64], batch: Option<usize>, n: usize) -> std::borrow::Cow<'_, [[f64; 3]]> {
+    let (rows, _) = values.as_chunks::<3>();
+    match batch {
+        Some(_) => rows.into(),
+        None => vec![rows[0]; n].into(),
+    }
+}
+
+/// The best tool directions between cones around many pairs of directions.
+#[pyfunction]
+#[pyo3(signature = (normals, directions, beta, alpha, k_err=1.0, k_tcp=1.0, *, threads=None))]
+#[allow(clippy::too_many_arguments)]
+pub fn optimal_directions<'py>(
+    py: Python<'py>,
+    normals: &Bound<'py, PyAny>,
+    directions: &Bound<'py, PyAny>,
+    beta: f64,
+    alpha: f64,
+    k_err: f64,
+    k_tcp: f64,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let (u, c) = (read_rows(normals, "normals", &[3])?, read_rows(directions, "directions", &[3])?);
+    if let (Some(expected), Some(actual)) = (u.batch, c.batch)
+        && expected != actual
+    {
+        return Err(to_py(Error::Length { what: "directions".into(), expected, actual }));
+    }
+    let batch = u.batch.or(c.batch);
+    let n = batch.unwrap_or(1);
+    let (u, c) = (spread(u.as_slice()?, u.batch, n), spread(c.as_slice()?, c.batch, n));
+    let cones = DirectionCones { beta, alpha, k_err, k_tcp };
+    cones.validate().map_err(to_py)?;
+    let array = new_array::<f64, 2>(py, [n, 3]);
+    let (axes, _) = writable(&array)?.as_chunks_mut::<3>();
+    let mut status = vec![Status::Cancelled; n];
+    in_blocks(py, n, BLOCK, threads, |range| {
+        let (u, c) = (&u[range.clone()], &c[range.clone()]);
+        cones.solve_rows(range.start, u, c, &mut axes[range.clone()], &mut status[range])
+    })?;
+    if batch.is_none() {
+        return (array.reshape([3])?, status_to_py(py, status[0])?).into_pyobject(py);
+    }
+    // A handful of distinct objects: one lookup each.
+    let mut known: Vec<(Status, Py<PyAny>)> = vec![];
+    let mut words: Vec<Py<PyAny>> = Vec::with_capacity(n);
+    for s in status {
+        let word = match known.iter().find(|(k, _)| *k == s) {
+            Some((_, word)) => word.clone_ref(py),
+            None => {
+                let word = status_to_py(py, s)?.unbind();
+                known.push((s, word.clone_ref(py)));
+                word
+            }
+        };
+        words.push(word);
+    }
+    (array, PyArray1::from_vec(py, words)).into_pyobject(py)
+}
+
+macro_rules! angles {
+    ($($from:ident $to:ident $core_from:ident $core_to:ident,)*) => {$(
+        /// Quaternions of Euler angles.
+        #[pyfunction]
+        #[pyo3(signature = (angles, *, threads=None))]
+        pub fn $from<'py>(angles: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+            map_rows::<f64, 3>(angles, "angles", &[4], threads, |a, out| {
+                if let Some(index) = a.iter().position(|x| !x.is_finite()) {
+                    return Err(Error::NotFinite { what: "angles".into(), index, value: a[index] });
+                }
+                out.copy_from_slice(&rotation::to_wxyz(&rotation::$core_from(a)));
+                Ok(())
+            })
+        }
+
+        /// Euler angles of quaternions.
+        #[pyfunction]
+        #[pyo3(signature = (q, *, threads=None))]
+        pub fn $to<'py>(q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+            map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
+                out.copy_from_slice(&rotation::$core_to(q));
+            })
+        }
+    )*};
+}
+
+angles! {
+    quaternion_from_zyz quaternion_to_zyz from_zyz to_zyz,
+    quaternion_from_xyz quaternion_to_xyz from_xyz to_xyz,
+    quaternion_from_rpy quaternion_to_rpy from_rpy to_rpy,
+}
+
+/// `(swing, twist)` with `q = swing * twist`.
+#[pyfunction]
+pub fn quaternion_swing_twist<'py>(
+    py: Python<'py>,
+    q: &Bound<'py, PyAny>,
+    axis: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+    let axis = rotation::unit_direction("axis", read_array(axis, "axis")?).map_err(to_py)?;
+    let (swing, twist) = rotation::swing_twist(&quaternion(q, "q")?, &axis);
+    Ok((wxyz(py, &swing), wxyz(py, &twist)))
+}
+
+/// The least rotation from one direction to another.
+#[pyfunction]
+pub fn quaternion_shortest_arc<'py>(
+    py: Python<'py>,
+    start: &Bound<'py, PyAny>,
+    end: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let start = rotation::unit_direction("start", read_array(start, "start")?).map_err(to_py)?;
+    let end = rotation::unit_direction("end", read_array(end, "end")?).map_err(to_py)?;
+    Ok(wxyz(py, &rotation::shortest_arc(&start, &end)))
+}
+
+/// The rotation from one orientation to another by the shorter way, in axes of the first.
+#[pyfunction]
+pub fn quaternion_error<'py>(
+    py: Python<'py>,
+    start: &Bound<'py, PyAny>,
+    end: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    Ok(wxyz(py, &rotation::quaternion_error(&quaternion(start, "start")?, &quaternion(end, "end")?)))
+}
+
+/// Angle of the rotation between two orientations.
+#[pyfunction]
+pub fn quaternion_angle(a: &Bound<'_, PyAny>, b: &Bound<'_, PyAny>) -> PyResult<f64> {
+    Ok(rotation::rotation_angle(&quaternion(a, "a")?, &quaternion(b, "b")?))
+}
