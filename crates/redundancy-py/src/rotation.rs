@@ -14,7 +14,7 @@ use redundancy_core::rotation::{
 use redundancy_core::{Error, Result, Status};
 
 use crate::batch::in_blocks;
-use crate::convert::{new_array, read_array, read_rows, read_vector, to_array, writable};
+use crate::convert::{Fresh, read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::status::status_to_py;
 
@@ -68,8 +68,8 @@ where
             _ => Ok(to_array(py, &values, [out[0], out[1]])?.into_any()),
         };
     };
-    let array = new_array::<T, 2>(py, [n, width]);
-    let memory = writable(&array)?;
+    let mut array = Fresh::<T, _>::new(py, [n, width]);
+    let memory = array.memory()?;
     in_blocks(py, n, BLOCK, threads, |range| {
         let first = range.start;
         let tasks = memory[range.start * width..range.end * width].par_chunks_mut(TASK * width);
@@ -87,6 +87,7 @@ where
             Some((row, error)) => Err(in_row(error, Some(row))),
         }
     })?;
+    let array = array.finish();
     match out {
         [] => Ok(array.reshape([n])?.into_any()),
         [_] => Ok(array.into_any()),
@@ -801,13 +802,14 @@ pub fn optimal_directions<'py>(
     let (u, c) = (spread(u.as_slice()?, u.batch, n), spread(c.as_slice()?, c.batch, n));
     let cones = DirectionCones { beta, alpha, k_err, k_tcp };
     cones.validate().map_err(to_py)?;
-    let array = new_array::<f64, 2>(py, [n, 3]);
-    let (axes, _) = writable(&array)?.as_chunks_mut::<3>();
+    let mut array = Fresh::<f64, _>::new(py, [n, 3]);
+    let (axes, _) = array.memory()?.as_chunks_mut::<3>();
     let mut status = vec![Status::Cancelled; n];
     in_blocks(py, n, BLOCK, threads, |range| {
         let (u, c) = (&u[range.clone()], &c[range.clone()]);
         cones.solve_rows(range.start, u, c, &mut axes[range.clone()], &mut status[range])
     })?;
+    let array = array.finish();
     if batch.is_none() {
         return (array.reshape([3])?, status_to_py(py, status[0])?).into_pyobject(py);
     }
