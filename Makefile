@@ -82,10 +82,11 @@ lint: $(VENV)/.dev
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
 
-# `cargo test` builds and runs unit, integration and documentation tests and builds the examples.
+# `cargo test` builds and runs unit, integration and documentation tests and builds the examples. The benches run
+# once each, unmeasured, in the profile of the tests: what `cargo bench -- --test` does, without another build.
 rust-test: $(VENV)/.dev
 	cargo test --locked
-	cargo bench --locked -- --test
+	cargo test --locked --benches
 
 python-test: $(VENV)/.dev $(VENV)/.wheel
 	$(PY) -m mypy.stubtest --allowlist tests/python/stubtest.allow redundancy._core

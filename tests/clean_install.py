@@ -20,10 +20,16 @@ assert installed <= {"pip", "setuptools", "numpy", "redundancy"}, installed
 
 import redundancy as rd
 
+arm = rd.SrsArm(rd.catalog.load("pa10"))
+path = rd.paths.circle((0.45, 0, 0.5), 0.1, n=50, orientation=[[-1, 0, 0], [0, 1, 0], [0, 0, -1]])
+assert len(rd.plan_swivel(arm, path)) == 50
+command = subprocess.run([sys.executable, "-m", "redundancy"], capture_output=True, text=True)
+assert command.returncode == 2 and "redundancy[cli]" in command.stderr, command
+
 assert rd.__version__ == metadata.version("redundancy")
 assert "matplotlib" not in sys.modules and "typer" not in sys.modules
 files = {str(f) for f in metadata.files("redundancy")}
-for wanted in ("redundancy/py.typed", "redundancy/_core.pyi"):
+for wanted in ("redundancy/py.typed", "redundancy/_core.pyi", "redundancy/data/kuka_iiwa.urdf"):
     assert wanted in files, wanted
 for wanted in ("LICENSE-MIT", "LICENSE-APACHE"):
     assert any(f.endswith(wanted) for f in files), wanted

@@ -136,7 +136,9 @@ def track(
     out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
-    swivel: Annotated[str, typer.Option(help="auto, or the wanted angle of the elbow in degrees.")] = "auto",
+    swivel: Annotated[
+        str, typer.Option(help="auto, or the angle of the elbow to hold, in degrees.")
+    ] = "auto",
     branch: Annotated[
         str, typer.Option(help="auto, or signs of shoulder, elbow, wrist such as +++ or +-+.")
     ] = "auto",
@@ -162,7 +164,7 @@ class Job:
     out: File
     base: str | None = None
     tip: str | None = None
-    desired: float | None = None
+    swivel: float | None = None
     branch: tuple[int, int, int] | None = None
     plots: bool = True
     summary: dict[str, Any] = field(default_factory=dict)
@@ -191,7 +193,7 @@ class Job:
             "path": str(self.path_file),
             "points": len(path),
             "length_m": path.length,
-            "swivel_wanted_rad": self.desired,
+            "swivel_held_rad": self.swivel,
         }
         with _progress(len(path)) as progress:
             try:
@@ -247,18 +249,23 @@ class Job:
                 reasons.append(f"{reason}: {why}" if why else reason)
         raise CannotFollowError("; ".join(reasons))
 
-    def _plan(self, arm: rd.SrsArm, path: rd.Path, progress: Progress) -> Any:
-        task = progress.add_task("planning", total=None)
-        plan = _follow(arm, path, self.desired, self.branch)
-        progress.update(task, total=len(path), completed=len(path))
+    def _plan(self, arm: rd.SrsArm, path: rd.Path, progress: Progress) -> rd.SwivelPlan:
+        task = progress.add_task("planning", total=len(path))
+        plan = rd.plan_swivel(
+            arm,
+            path,
+            fixed=self.swivel,
+            branch=self.branch,
+            progress=lambda share: progress.update(task, completed=round(share * len(path))),
+        )
         self.summary["status"] = str(plan.status)
         self.summary["events"] = [
             {"kind": str(e.kind), "index": e.index, "t": e.t, "s": e.s, "message": e.message}
             for e in plan.events
         ]
         if plan.status != rd.Status.CONVERGED:
-            self.summary["first_point"] = len(plan)
-            raise CannotFollowError(str(plan.reason))
+            self.summary["first_point"] = min([*plan.blocked, *plan.reconfigurations, len(path) - 1])
+            raise CannotFollowError(plan.reason)
         return plan
 
     def _give_up(self, arm: rd.SrsArm, path: rd.Path, reason: str) -> None:
@@ -276,7 +283,7 @@ class Job:
         figure = plot.swivel(path.s[shown], None, band, marks)
         _save(figure, self.out / "swivel.png")
 
-    def _measure(self, chain: rd.Chain, path: rd.Path, plan: Any, progress: Progress) -> None:
+    def _measure(self, chain: rd.Chain, path: rd.Path, plan: rd.SwivelPlan, progress: Progress) -> None:
         """What the result is worth, from the returned joint positions alone."""
         q, qd, poses = plan.q, plan.qd, path.poses
         task = progress.add_task("measuring", total=len(q))
@@ -295,7 +302,7 @@ class Job:
         names = chain.joint_names
         self.summary |= {
             "duration_s": float(plan.t[-1] - plan.t[0]),
-            "branch": _signs(plan.branch),
+            "branch": _signs(plan.branch[0]),
             "swivel_range_rad": [float(np.min(plan.swivel)), float(np.max(plan.swivel))],
             "position_error_m": position,
             "orientation_error_rad": orientation,
@@ -305,13 +312,10 @@ class Job:
             "velocity_use_at": {"joint": names[fast_joint], "point": int(fast_row)},
             "largest_joint_step_rad": float(np.abs(np.diff(q, axis=0)).max(initial=0.0)),
         }
-        if self.desired is not None:
-            away = (np.asarray(plan.swivel) - self.desired + np.pi) % (2 * np.pi) - np.pi
-            self.summary["swivel_off_wanted_rad"] = float(np.abs(away).max())
 
-    def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: Any) -> None:
+    def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: rd.SwivelPlan) -> None:
         shown = _shown(len(path))
-        band = plot.swivel_band(arm, path.poses[shown], plan.branch)
+        band = plot.swivel_band(arm, path.poses[shown], plan.branch[0])
         title = (
             f"{arm.chain.name}: {len(path)} points, {path.length:.2f} m, {self.summary['duration_s']:.1f} s"
         )
@@ -325,6 +329,8 @@ class Job:
     def _report(self, written: list[str]) -> None:
         s = self.summary
         low, high = np.rad2deg(s["swivel_range_rad"])
+        turns = 360.0 * round((low + high) / 720.0)
+        low, high = low - turns, high - turns
         lines = [
             f"[bold]{escape(s['robot'])}[/] follows {escape(s['path'])}: "
             f"{s['points']} points, {s['length_m']:.3f} m, {s['duration_s']:.2f} s",
@@ -335,18 +341,9 @@ class Job:
             f"fastest: {100 * s['velocity_use']:.0f} % of the limit of {escape(s['velocity_use_at']['joint'])}",
             f"pose error by forward kinematics: {s['position_error_m']:.1e} m, {s['orientation_error_rad']:.1e} rad",
         ]
-        if "swivel_off_wanted_rad" in s:
-            lines.insert(2, f"at most {np.rad2deg(s['swivel_off_wanted_rad']):.2f} deg off the wanted swivel")
         lines.append(f"in {escape(str(self.out))}: {', '.join(written)}")
         for line in lines:
             _out.print(line, soft_wrap=True)
-
-
-def _follow(arm: rd.SrsArm, path: rd.Path, desired: float | None, branch: tuple[int, int, int] | None) -> Any:
-    """The planner: one row per path point, `.swivel`, `.branch`, `.status`, `.reason`, `.events`."""
-    library: Any = rd
-    options = {} if branch is None else {"branch": branch}
-    return library.plan_swivel(arm, path, desired=desired, **options)
 
 
 def load_robot(robot: str, base: str | None, tip: str | None) -> rd.Chain:
@@ -445,9 +442,9 @@ def demo(
 
 def demo_raster() -> rd.Path:
     """Five strokes over a table with the tool leaning inwards: 1 000 points for the PA10."""
-    raster = rd.paths.raster((0.35, -0.3, 0.2), 0.6, 0.08, 5, corner=0.06)
+    raster = rd.paths.raster((0.45, -0.3, 0.1), 0.6, 0.08, 5, corner=0.06)
     path = raster.resampled(raster.length / 999)
-    return path.with_orientation(lambda p: _leaning(p, (0.51, 0.0, 0.2), -1.5))
+    return path.with_orientation(lambda p: _leaning(p, (0.61, 0.0, 0.1), -1.5))
 
 
 def demo_circle() -> rd.Path:

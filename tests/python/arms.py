@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-import redundancy as rd
 from numpy.typing import NDArray
+
+import redundancy as rd
 
 
 class Parts(NamedTuple):

@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+
 import redundancy as rd
 
 NAMES = rd.catalog.names()

@@ -13,7 +13,6 @@ import redundancy as rd
 from redundancy import _commands, plot
 
 URDF = Path(rd.__file__).parent / "data" / "kuka_iiwa.urdf"
-planned = pytest.mark.skipif(not hasattr(rd, "plan_swivel"), reason="no planner yet")
 
 
 def run(capsys, *arguments):
@@ -39,7 +38,6 @@ def test_robots_lists_the_catalogue(capsys):
     assert "closed form" in next(line for line in lines if line.startswith("pa10"))
 
 
-@planned
 def test_track_writes_what_it_promises(capsys, raster, tmp_path):
     file, path = raster
     out = tmp_path / "deep" / "run"
@@ -68,22 +66,21 @@ def test_track_writes_what_it_promises(capsys, raster, tmp_path):
     assert summary["position_error_m"] < 1e-12
 
 
-@planned
 def test_track_with_a_urdf_a_swivel_and_a_branch(capsys, tmp_path):
     _commands.demo_circle().resampled(0.02).to_csv(tmp_path / "path.csv")
     arguments = ["track", "--robot", URDF, "--base", "lbr_iiwa_link_0", "--tip", "lbr_iiwa_link_7"]
     arguments += ["--path", tmp_path / "path.csv", "--out", tmp_path / "run", "--no-plots"]
-    status, _, err = run(capsys, *arguments, "--swivel", "-100", "--branch", "+++")
+    status, _, err = run(capsys, *arguments, "--swivel", "145", "--branch", "+++")
     assert (status, err) == (0, "")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["branch"] == "+++"
-    assert summary["swivel_wanted_rad"] == pytest.approx(np.deg2rad(-100))
+    assert summary["swivel_held_rad"] == pytest.approx(np.deg2rad(145))
+    np.testing.assert_allclose(summary["swivel_range_rad"], np.deg2rad(145))
     trajectory = rd.Trajectory.from_csv(tmp_path / "run" / "trajectory.csv")
     times = rd.Path.from_csv(tmp_path / "path.csv").t
     np.testing.assert_allclose(trajectory.t, times, atol=1e-12)
 
 
-@planned
 def test_demo_follows_two_paths_of_1000_points(capsys, tmp_path):
     status, out, err = run(capsys, "demo", "--out", tmp_path, "--no-plots")
     assert (status, err) == (0, "")
@@ -108,6 +105,26 @@ def test_points_out_of_reach(capsys, raster, tmp_path):
         5,
     )
     assert (tmp_path / "run" / "swivel.png").exists()
+    assert not (tmp_path / "run" / "trajectory.csv").exists()
+
+
+def test_a_swivel_that_cannot_be_held(capsys, tmp_path):
+    _commands.demo_circle().resampled(0.02).to_csv(tmp_path / "path.csv")
+    arguments = (
+        "--robot",
+        URDF,
+        "--path",
+        tmp_path / "path.csv",
+        "--out",
+        tmp_path / "run",
+        "--swivel",
+        "-100",
+    )
+    status, _, err = run(capsys, "track", *arguments)
+    assert status == 1
+    assert "point" in err and "joint 'lbr_iiwa_joint_" in err
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["status"] == "limits" and summary["reason"] in err.replace("\n", "")
     assert not (tmp_path / "run" / "trajectory.csv").exists()
 
 

@@ -6,9 +6,10 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-import redundancy as rd
 from arms import as_pinocchio, random_q
 from scipy.spatial.transform import RigidTransform, Rotation
+
+import redundancy as rd
 
 NAMES = rd.catalog.names()
 TOLERANCE = 1e-12

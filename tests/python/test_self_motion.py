@@ -191,16 +191,25 @@ def test_pickle_and_repr(arm: rd.SrsArm) -> None:
         (lambda a, p: a.solve(np.stack([p, p]), 0.0), "expected one pose (4, 4), got a batch"),
         (lambda a, p: a.solve_batch(np.stack([p, p]), [0.0] * 3), "swivels has shape (3,)"),
         (lambda a, p: a.solve_batch(p[None], 0.0, threads=0), "threads is 0, it must be at least 1"),
-        (lambda a, p: a.solve_batch(p[None], 0.0, out=(np.empty(3), np.empty(3))), "C-contiguous of shape [1, 8, 7]"),
+        (
+            lambda a, p: a.solve_batch(p[None], 0.0, out=(np.empty(3), np.empty(3))),
+            "C-contiguous of shape [1, 8, 7]",
+        ),
         (lambda a, p: a.solve_batch(np.stack([p, 2 * p]), 0.0), "pose 1"),
         (lambda a, p: a.swivel(np.zeros(6)), "q has shape (6,), expected (7,)"),
         (lambda a, p: a.self_motion(p).branches[0].intervals(-0.1), "margin is -0.1, it must be >= 0"),
         (lambda a, p: a.nearest(p, [np.inf] * 7), "entry 0 is inf"),
-        (lambda a, p: a.self_motion(p).best(rd.JointRange(rd.catalog.load("puma560"))), "expected 7 entries, got 6"),
+        (
+            lambda a, p: a.self_motion(p).best(rd.JointRange(rd.catalog.load("puma560"))),
+            "expected 7 entries, got 6",
+        ),
         (lambda a, p: rd.SrsArm(a.chain, chart="polar"), "expected one of: shortest_arc, stereographic"),
         (lambda a, p: rd.SrsArm(a.chain, reference=(0, 0, 0)), "reference has length 0"),
         (lambda a, p: rd.JointRange(a.chain) + -rd.JointRange(a.chain), "multiply one of them by -1"),
-        (lambda a, p: rd.Posture(a.chain, np.zeros(7), weights=-np.ones(7)), "weight 0 is -1, it must be >= 0"),
+        (
+            lambda a, p: rd.Posture(a.chain, np.zeros(7), weights=-np.ones(7)),
+            "weight 0 is -1, it must be >= 0",
+        ),
     ],
 )
 def test_bad_input_is_named(call, text: str) -> None:

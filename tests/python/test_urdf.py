@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-import redundancy as rd
 from arms import Robot, example_robots, parts, random_q, robots, site
+
+import redundancy as rd
 
 ROBOTS = robots()
 TOLERANCE = 1e-12

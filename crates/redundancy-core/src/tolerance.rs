@@ -81,7 +81,7 @@ pub const GIMBAL_NEAR: f64 = 1e-9;
 pub const GIMBAL_PASSAGE: f64 = 1e-12;
 
 /// What may be left between the best value found over a circle of solutions and its proven lower bound, relative to
-/// `1 + |value|`; the point itself is polished further.
+/// `1 + |value|`.
 pub const OPTIMUM_GAP: f64 = 1e-10;
 
 /// A step of a monotone joint against its direction up to this size (rad) is rounding.
@@ -111,3 +111,10 @@ pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
 
 /// Speed (rad/s) at which a joint without a velocity limit is timed: that of a careful industrial arm.
 pub const FREE_SPEED: f64 = 1.0;
+
+/// Slope of a criterion of order 1 along a circle, and width of its bracket (rad), at which its zero is found: a value
+/// is then within 1e-18 of the minimum.
+pub const SLOPE_ROUNDING: f64 = 1e-9;
+
+/// First step (rad) of the secant that polishes an optimum: the root of the gap that is left, divided by ten.
+pub const POLISH_STEP: f64 = 1e-6;

@@ -9,10 +9,11 @@
 //!
 //! - a lower bound from the joint ranges, windings within the limits included;
 //! - the range of the derivative; where it has no zero the minimum is at an end;
-//! - the bound from lines of least and greatest slope, which closes quadratically around a minimum.
+//! - the bound from lines of least and greatest slope;
+//! - the range of the second derivative; where it is positive the minimum is the one zero of the slope.
 //!
 //! Pieces that could still hold something better than the best point found are divided, best bound first, until none
-//! is left: the result is the global minimum up to [`OPTIMUM_GAP`]. A typical search looks at some 50 pieces.
+//! is left: the result is the global minimum up to [`OPTIMUM_GAP`] (on a convex piece, up to rounding). A typical search looks at some 50 pieces.
 //!
 //! Other criteria have no such bounds. There each piece is halved until the cubic through values and slopes at its
 //! ends predicts the value in the middle, and every sign change of the slope is refined.
@@ -23,11 +24,11 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::circle::SelfMotion;
 use super::geometry::wrapped;
-use super::spherical::sphericals;
+use super::spherical::{Range, Spherical, sphericals};
 use super::srs::{Circle, signs, within};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
-use crate::tolerance::{OPTIMUM_GAP, UNWIND_ROUNDING};
+use crate::tolerance::{OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING};
 
 /// A configuration chosen from a circle of solutions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,6 +145,7 @@ impl SelfMotion {
             let bound = search.range_bound(&a, &b).0;
             search.push(Piece { branch, a, b, bound, rates: false });
         });
+        let mut sphericals_of: [Option<[Spherical; 2]>; 2] = [None, None];
         // The cuts at extrema of the rates, computed when the first piece asks for them.
         let mut rate_cuts: [Option<Vec<f64>>; 2] = [None, None];
         while let Some(Pending { piece, .. }) = search.heap.pop() {
@@ -151,17 +153,22 @@ impl SelfMotion {
                 break;
             }
             search.offer(piece.branch, &piece.b);
+            let elbow = usize::from(signs(piece.branch)[1] < 0 && !self.arm.inner.geometry.aligned);
+            let joints = *sphericals_of[elbow].get_or_insert_with(|| {
+                sphericals(&self.arm.inner.geometry, &self.circle, [1.0, -1.0][elbow])
+            });
+            if search.is_convex(&piece, &joints) {
+                search.descend(&piece);
+                continue;
+            }
             let at = search.split(&piece);
             if piece.rates {
                 search.divide(&piece, at, [true, true]);
                 continue;
             }
-            let elbow = usize::from(signs(piece.branch)[1] < 0 && !self.arm.inner.geometry.aligned);
             let cuts = rate_cuts[elbow].get_or_insert_with(|| {
                 let mut cuts = Vec::with_capacity(32);
-                for joint in sphericals(&self.arm.inner.geometry, &self.circle, [1.0, -1.0][elbow]) {
-                    joint.push_rate_cuts(&mut cuts);
-                }
+                joints.iter().for_each(|joint| joint.push_rate_cuts(&mut cuts));
                 sorted_twice(cuts)
             });
             let first = cuts.partition_point(|s| *s <= piece.a.s);
@@ -225,10 +232,9 @@ impl SelfMotion {
     }
 
     fn elbow_node(&self, elbow: f64, s: f64) -> Node {
-        let geometry = &self.arm.inner.geometry;
         let (sin, cos) = s.sin_cos();
-        let angles = self.circle.angles(geometry, [cos, sin], elbow);
-        Node { s, angles, rates: self.circle.rates(geometry, &angles, elbow) }
+        let (angles, rates) = self.circle.angles_and_rates(&self.arm.inner.geometry, [cos, sin], elbow);
+        Node { s, angles, rates }
     }
 
     /// One branch at a node, principal values.
@@ -316,11 +322,7 @@ impl Search<'_> {
         if s <= piece.a.s || s >= piece.b.s {
             return;
         }
-        let mut middle = self.motion.sample(piece.branch, &self.motion.node(piece.branch, s));
-        for i in 0..7 {
-            // The joint is monotone on the piece: its value lies between those at the ends.
-            middle.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - middle.q[i]);
-        }
+        let middle = self.between(piece, s);
         self.offer(piece.branch, &middle);
         for ((a, b), rates) in [(piece.a, middle), (middle, piece.b)].into_iter().zip(rates) {
             let bound = if rates { self.bound(&a, &b) } else { self.range_bound(&a, &b).0 };
@@ -346,39 +348,111 @@ impl Search<'_> {
         }
     }
 
-    /// Secant steps on the slope from the best point: the bounds leave it within the gap, this leaves it at rounding.
+    /// True when the criterion is strictly convex on the piece, by the ranges of
+    /// `sum w (q'^2 + (q - c) q'')`: its minimum there is where the slope vanishes, or at an end.
+    fn is_convex(&self, piece: &Piece, joints: &[Spherical; 2]) -> bool {
+        let (_, shifts, unique) = self.range_bound(&piece.a, &piece.b);
+        if !unique {
+            return false;
+        }
+        let geometry = &self.motion.arm.inner.geometry;
+        let [s2, _, s6] = signs(piece.branch).map(f64::from);
+        let mut least = 0.0;
+        for (joint, (first, turned)) in joints.iter().zip([(0, s2), (4, s6)]) {
+            // cos of the middle angle and its rate at both ends.
+            let middle = first + 1;
+            let sign = geometry.sign[middle];
+            let ends = [&piece.a, &piece.b].map(|s| {
+                let (sin, cos) = (sign * (s.q[middle] - geometry.zero[middle])).sin_cos();
+                (cos, -sin * sign * s.rate[middle])
+            });
+            let Some(curvatures) = joint.curvatures([ends[0].0, ends[1].0], [ends[0].1, ends[1].1]) else {
+                return false;
+            };
+            for (k, curvature) in curvatures.into_iter().enumerate() {
+                let i = first + k;
+                let JointSpring { weight, center } = self.springs[i];
+                let sign = geometry.sign[i] * if k == 1 { turned } else { 1.0 };
+                let off = Range::of(piece.a.q[i] + shifts[i] - center, piece.b.q[i] + shifts[i] - center);
+                // Without monotone rates zero is the safe least square.
+                let square =
+                    if piece.rates { Range::of(piece.a.rate[i], piece.b.rate[i]).squared().0 } else { 0.0 };
+                least += weight * (square + off.times(curvature).times(Range(sign, sign)).0);
+            }
+        }
+        least > 0.0
+    }
+
+    /// Offers the minimum of a convex piece, whose ends have been offered (Illinois' rule on the slope).
+    fn descend(&mut self, piece: &Piece) {
+        let shifts = self.range_bound(&piece.a, &piece.b).1;
+        let (mut a, mut b) = (piece.a.s, piece.b.s);
+        let (mut da, mut db) = (self.slope(&piece.a, &shifts), self.slope(&piece.b, &shifts));
+        let mut last = 0.0;
+        for _ in 0..60 {
+            if da >= 0.0 || db <= 0.0 {
+                return;
+            }
+            let s = a + da / (da - db) * (b - a);
+            if s <= a || s >= b {
+                return;
+            }
+            let middle = self.between(piece, s);
+            self.offer(piece.branch, &middle);
+            let slope = self.slope(&middle, &shifts);
+            if slope.abs() <= SLOPE_ROUNDING || b - a <= SLOPE_ROUNDING {
+                return;
+            }
+            if slope < 0.0 {
+                (a, da) = (s, slope);
+                db *= if last < 0.0 { 0.5 } else { 1.0 };
+            } else {
+                (b, db) = (s, slope);
+                da *= if last > 0.0 { 0.5 } else { 1.0 };
+            }
+            last = slope;
+        }
+    }
+
+    /// Secant steps on the slope from the best point, for when the gap was reached before a convex piece was.
     fn polish(&mut self) {
         let Some(start) = self.best else { return };
         let at = |s: f64| self.motion.sample(start.branch, &self.motion.node(start.branch, s));
-        let (mut s0, mut s1) = (start.swivel, start.swivel + 1e-6);
-        let mut d0 = self.slope(&at(s0));
+        let first = at(start.swivel);
+        let shifts = std::array::from_fn(|i| TAU * turns(start.q[i] - first.q[i]));
+        let (mut s0, mut d0) = (start.swivel, self.slope(&first, &shifts));
+        let mut s1 = s0 + POLISH_STEP;
         for _ in 0..4 {
             let sample = at(s1);
-            let d1 = self.slope(&sample);
-            if (s1 - start.swivel).abs() > 1e-2 || d1 == d0 {
+            let d1 = self.slope(&sample, &shifts);
+            if d0.abs() <= SLOPE_ROUNDING || d1 == d0 || !self.motion.arcs().holds(start.branch, s1) {
                 return;
             }
-            if self.motion.arcs().holds(start.branch, s1) {
-                self.offer(start.branch, &sample);
-            }
+            self.offer(start.branch, &sample);
             (s0, s1, d0) = (s1, s1 - d1 * (s1 - s0) / (d1 - d0), d1);
         }
     }
 
-    /// The slope of the criterion at a sample, windings as in the sample.
-    fn slope(&self, sample: &Sample) -> f64 {
-        (0..7)
-            .map(|i| {
-                let JointSpring { weight, center } = self.springs[i];
-                let off = sample.q[i] - center;
-                weight * (off - TAU * turns(off)) * sample.rate[i]
-            })
-            .sum()
+    /// The sample of the piece's branch at `s` between its ends, unwound like them.
+    fn between(&self, piece: &Piece, s: f64) -> Sample {
+        let mut sample = self.motion.sample(piece.branch, &self.motion.node(piece.branch, s));
+        for i in 0..7 {
+            // The joint is monotone on the piece: its value lies between those at the ends.
+            sample.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - sample.q[i]);
+        }
+        sample
+    }
+
+    /// The slope of the criterion at a sample in the windings `shifts`.
+    fn slope(&self, sample: &Sample, shifts: &[f64; 7]) -> f64 {
+        let term = |i: usize| self.springs[i].weight * (sample.q[i] + shifts[i] - self.springs[i].center);
+        (0..7).map(|i| term(i) * sample.rate[i]).sum()
     }
 
     /// Where to divide a piece: at the zero of the slope by the secant, kept away from the ends.
     fn split(&self, piece: &Piece) -> f64 {
-        let (a, b) = (self.slope(&piece.a), self.slope(&piece.b));
+        let shifts = self.range_bound(&piece.a, &piece.b).1;
+        let (a, b) = (self.slope(&piece.a, &shifts), self.slope(&piece.b, &shifts));
         let fraction = if a < 0.0 && b > 0.0 { (a / (a - b)).clamp(0.1, 0.9) } else { 0.5 };
         piece.a.s + fraction * (piece.b.s - piece.a.s)
     }
@@ -494,7 +568,7 @@ fn follow(a: &Sample, mut b: Sample) -> Sample {
 
 /// `end` with the winding that a monotone joint reaches from `start` when its rate has the sign of `direction`.
 fn unwound(start: f64, end: f64, direction: f64) -> f64 {
-    let step = wrapped(end - start);
+    let step = (end - start) - TAU * turns(end - start);
     // A step against the direction is rounding, or more than half a turn.
     if step * direction < 0.0 && step.abs() > UNWIND_ROUNDING {
         start + step + TAU * direction.signum()

@@ -39,6 +39,41 @@ impl Sinusoid {
     }
 }
 
+/// All numbers between two.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range(pub f64, pub f64);
+
+impl Range {
+    /// Between two numbers in any order.
+    pub fn of(a: f64, b: f64) -> Self {
+        Self(a.min(b), a.max(b))
+    }
+
+    pub fn times(self, other: Self) -> Self {
+        let p = [self.0 * other.0, self.0 * other.1, self.1 * other.0, self.1 * other.1];
+        Self(p[0].min(p[1]).min(p[2].min(p[3])), p[0].max(p[1]).max(p[2].max(p[3])))
+    }
+
+    pub fn squared(self) -> Self {
+        let (a, b) = (self.0 * self.0, self.1 * self.1);
+        if self.0 < 0.0 && self.1 > 0.0 { Self(0.0, a.max(b)) } else { Self::of(a, b) }
+    }
+
+    fn minus(self, other: Self) -> Self {
+        Self(self.0 - other.1, self.1 - other.0)
+    }
+
+    /// `value` less every number.
+    fn reflected(self, value: f64) -> Self {
+        Self(value - self.1, value - self.0)
+    }
+
+    /// Of positive numbers.
+    fn inverse(self) -> Self {
+        Self(1.0 / self.1, 1.0 / self.0)
+    }
+}
+
 /// One spherical joint for one elbow.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spherical {
@@ -124,6 +159,39 @@ impl Spherical {
                 out.extend([wrapped(s1 + angle), wrapped(s1 - angle)]);
             }
         }
+    }
+
+    /// Ranges of the second derivatives of the three angles between two swivels, from the cosines `x` of the middle
+    /// angle at both and their rates `dx`; x must be monotone between them. `None` too near to the gimbal.
+    ///
+    /// `a'' = (-r + 2 p x - r x^2) x' / (1 - x^2)^2`, `c''` with p and r exchanged, and with `x'' = A - x`:
+    /// `b'' = ((x - A)(1 - x^2) - x x'^2) / (1 - x^2)^(3/2)`.
+    pub fn curvatures(&self, x: [f64; 2], dx: [f64; 2]) -> Option<[Range; 3]> {
+        let [center, c1, c2] = self.middle.0;
+        let x = Range::of(x[0], x[1]);
+        let d = x.squared().reflected(1.0);
+        if d.0 < GIMBAL_NEAR {
+            return None;
+        }
+        let mut dx = Range::of(dx[0], dx[1]);
+        if x.0 < center && center < x.1 {
+            // x' is extreme where x passes its middle.
+            let amplitude = c1.hypot(c2);
+            dx = if dx.0 + dx.1 > 0.0 { Range(dx.0, amplitude) } else { Range(-amplitude, dx.1) };
+        }
+        let outer = |p: f64, r: f64| {
+            let at = |x: f64| -r + (2.0 * p - r * x) * x;
+            let mut numerator = Range::of(at(x.0), at(x.1));
+            let vertex = p / r;
+            if x.0 < vertex && vertex < x.1 {
+                numerator = Range(numerator.0.min(at(vertex)), numerator.1.max(at(vertex)));
+            }
+            numerator.times(dx).times(d.squared().inverse())
+        };
+        let (p, r) = (self.turn_first, self.turn_third);
+        let middle = Range(x.0 - center, x.1 - center).times(d).minus(x.times(dx.squared()));
+        let power = Range(d.0 * d.0.sqrt(), d.1 * d.1.sqrt());
+        Some([outer(p, r), middle.times(power.inverse()), outer(r, p)])
     }
 
     /// Swivel at which the cosine of the middle angle is greatest, and its amplitude; `None` where it is constant.

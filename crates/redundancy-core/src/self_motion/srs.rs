@@ -174,6 +174,20 @@ impl Circle {
     /// one elbow sign (`elbow = 1.0` or `-1.0`; aligned arms need only `1.0`).
     #[inline(always)]
     pub fn angles(&self, geometry: &Geometry, u: [f64; 2], elbow: f64) -> [f64; 7] {
+        arc_tangents(self.pairs(geometry, u, elbow))
+    }
+
+    /// The same with their rates `d/ds`.
+    pub fn angles_and_rates(&self, geometry: &Geometry, u: [f64; 2], elbow: f64) -> ([f64; 7], [f64; 7]) {
+        let pairs = self.pairs(geometry, u, elbow);
+        let [a, b, c] = zyz_rates(&self.n, pairs[0], pairs[1]);
+        let [d, e, f] = zyz_rates(&self.wrist_turn(geometry, elbow), pairs[4], pairs[5]);
+        (arc_tangents(pairs), [a, b, c, 0.0, d, e, f])
+    }
+
+    /// Sines and cosines of [`Circle::angles`], up to a positive factor; of unit length for the first two of a joint.
+    #[inline(always)]
+    fn pairs(&self, geometry: &Geometry, u: [f64; 2], elbow: f64) -> [[f64; 2]; 7] {
         let w = self.w0 * u[0] + self.w1 * u[1];
         let z3 = self.n * self.cos_upper + w * self.sin_upper;
         let x3 = (self.n * self.sin_upper - w * self.cos_upper) * elbow;
@@ -196,7 +210,7 @@ impl Circle {
             let g = geometry.wrist_offset * Matrix3::from_columns(&[xf, y3, zf]).tr_mul(t);
             [d, e, f] = zyz([g.m13, g.m23, g.m33], [g.m11, g.m21], [g.m12, g.m22], [turn.x, turn.y]);
         }
-        arc_tangents([a, b, c, [self.sin_elbow, self.cos_elbow], d, e, f])
+        [a, b, c, [self.sin_elbow, self.cos_elbow], d, e, f]
     }
 
     /// All eight branches in branch order, in principal values.
@@ -227,13 +241,6 @@ impl Circle {
         }
     }
 
-    /// Rates `d(angles)/ds` for the angles that [`Circle::angles`] returned for this elbow.
-    pub fn rates(&self, geometry: &Geometry, angles: &[f64; 7], elbow: f64) -> [f64; 7] {
-        let [a, b, c] = zyz_rates(&self.n, angles[0], angles[1]);
-        let [d, e, f] = zyz_rates(&self.wrist_turn(geometry, elbow), angles[4], angles[5]);
-        [a, b, c, 0.0, d, e, f]
-    }
-
     /// One branch, in principal values.
     pub fn branch(&self, geometry: &Geometry, u: [f64; 2], branch: usize) -> [f64; 7] {
         let elbow = if geometry.aligned { 1.0 } else { f64::from(signs(branch)[1]) };
@@ -262,9 +269,8 @@ impl Circle {
     /// `dq/ds` of one branch.
     pub fn tangent(&self, geometry: &Geometry, u: [f64; 2], branch: usize) -> [f64; 7] {
         let [s2, s4, s6] = signs(branch).map(f64::from);
-        let angles = self.angles(geometry, u, s4);
         // The other shoulder and wrist turn their middle joints backwards and the others alike.
-        let mut rates = self.rates(geometry, &angles, s4);
+        let (_, mut rates) = self.angles_and_rates(geometry, u, s4);
         rates[1] *= s2;
         rates[5] *= s6;
         for i in 0..7 {
@@ -278,9 +284,10 @@ impl Circle {
 /// `turn = a' z + b' y1 + c' e3` with `y1 = (-sin a, cos a, 0)`, `e3 = (cos a sin b, sin a sin b, cos b)`.
 ///
 /// At a gimbal through which the swivel passes the limits `a' = c' = turn_z / 2` (for `b = 0`) are returned.
+///
+/// Sine and cosine of the first and of the middle angle are given.
 #[inline(always)]
-fn zyz_rates(turn: &Vector3<f64>, a: f64, b: f64) -> [f64; 3] {
-    let ((sa, ca), (sb, cb)) = (a.sin_cos(), b.sin_cos());
+fn zyz_rates(turn: &Vector3<f64>, [sa, ca]: [f64; 2], [sb, cb]: [f64; 2]) -> [f64; 3] {
     let middle = ca * turn.y - sa * turn.x;
     let along_x = ca * turn.x + sa * turn.y;
     if sb > GIMBAL_SINE {
