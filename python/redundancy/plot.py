@@ -96,8 +96,13 @@ def self_motion(
             np.insert(q[:, j], breaks, np.nan),
             (lower[j], upper[j]),
         )
-    text = (
-        f"branch {_signs(chosen.signs)}\ngreen: all joint limits hold\nred: outside the limits of the joint"
+    text = "\n".join(
+        (
+            f"branch {_signs(chosen.signs)}",
+            "green: all joint limits hold",
+            "red: outside the limits of this joint",
+            "white: another joint is outside",
+        )
     )
     _finish_joints(axes, count, columns, "swivel (deg)", text)
     axes[0].set_xlim(-_HALF_TURN, _HALF_TURN)
@@ -254,7 +259,7 @@ def _joint(
     low = lower if np.isfinite(lower) else min(-_HALF_TURN, np.nanmin(y))
     high = upper if np.isfinite(upper) else max(_HALF_TURN, np.nanmax(y))
     room = 0.12 * (high - low)
-    bottom, top = min(low - room, np.nanmin(y)), max(high + room, np.nanmax(y))
+    bottom, top = min(low, np.nanmin(y)) - room, max(high, np.nanmax(y)) + room
     axis.set_ylim(bottom, top)
     if np.isfinite(lower):
         axis.axhspan(bottom, low, color=_OUTSIDE, lw=0)
