@@ -1,9 +1,10 @@
-"""Figures of trajectories: data in, `matplotlib.figure.Figure` out, no global state.
+"""Figures of trajectories and self-motions: data in, `matplotlib.figure.Figure` out, no global state.
 
 Needs the extra `plot`. Angles are in degrees here, and only here and at the command line.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,9 +12,9 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
-from redundancy._core import Chain, SrsArm, Trajectory
+from redundancy._core import Chain, Path, SelfMotion, SrsArm, SwivelPlan, Trajectory
 
-__all__ = ["joints", "swivel", "swivel_band", "track"]
+__all__ = ["joints", "self_motion", "swivel", "swivel_band", "swivel_map", "track"]
 
 _LINE = "#1b5e8c"
 _OUTSIDE = "#e8b4a8"
@@ -21,6 +22,8 @@ _INSIDE = "#cfe3d4"
 _EVENT = "#b03a2e"
 _GRID = "#dddddd"
 _HALF_TURN = 180.0
+_SHOWN = 600
+"""Most points of a path that a map draws."""
 
 
 def joints(trajectory: Trajectory, chain: Chain, figure: FigureBase | None = None) -> FigureBase:
@@ -39,27 +42,71 @@ def joints(trajectory: Trajectory, chain: Chain, figure: FigureBase | None = Non
     t, q = trajectory.t, np.rad2deg(trajectory.q)
     lower, upper = np.rad2deg(chain.lower), np.rad2deg(chain.upper)
     for j, (axis, name) in enumerate(zip(axes, trajectory.joint_names, strict=False)):
-        low = lower[j] if np.isfinite(lower[j]) else min(-_HALF_TURN, q[:, j].min())
-        high = upper[j] if np.isfinite(upper[j]) else max(_HALF_TURN, q[:, j].max())
-        room = 0.12 * (high - low)
-        axis.set_ylim(low - room, high + room)
-        if np.isfinite(lower[j]):
-            axis.axhspan(low - room, low, color=_OUTSIDE, lw=0)
-        if np.isfinite(upper[j]):
-            axis.axhspan(high, high + room, color=_OUTSIDE, lw=0)
-        axis.plot(t, q[:, j], color=_LINE, lw=1.6)
-        axis.yaxis.set_major_locator(
-            MultipleLocator(_HALF_TURN / 2 if high - low < 4 * _HALF_TURN else 2 * _HALF_TURN)
-        )
-        axis.set_title(f"{name} (deg)", fontsize=9, loc="left", pad=3)
-        _plain(axis)
-    for axis in axes[count:]:
-        axis.set_axis_off()
-        axis.text(0.0, 0.5, "shaded: outside the joint limits", fontsize=9, color="#555555", va="center")
-    for axis in axes[max(0, count - columns) : count]:
-        axis.xaxis.set_tick_params(labelbottom=True)
-    axes[count - 1].set_xlabel("time (s)", fontsize=9)
+        _joint(axis, name, t, q[:, j], (lower[j], upper[j]))
+    _finish_joints(axes, count, columns, "time (s)", "shaded: outside the joint limits")
     axes[0].set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+    return figure
+
+
+def self_motion(
+    motion: SelfMotion,
+    chain: Chain,
+    branch: Sequence[int] | None = None,
+    samples: int = 721,
+    figure: FigureBase | None = None,
+) -> FigureBase:
+    """The joints of one branch over the swivel: limits shaded, swivels at which all limits hold marked.
+
+    Args:
+        motion: The configurations over a pose, which must be in reach.
+        chain: The arm, for its limits.
+        branch: Signs (shoulder, elbow, wrist); the branch with the longest feasible arcs when left out.
+        samples: Number of swivels from -pi to pi.
+        figure: Where to draw; a new figure when left out.
+
+    Raises:
+        ValueError: The pose is out of reach, or there is no such branch.
+    """
+    branches = motion.branches
+    if not branches:
+        raise ValueError(f"there is nothing to draw: {motion.reason}")
+    if branch is not None:
+        branches = [b for b in branches if b.index == _index(branch)]
+        if not branches:
+            expected = ", ".join(str(b.signs) for b in motion.branches)
+            raise ValueError(f"branch is {branch}, expected one of: {expected}")
+    chosen = max(branches, key=lambda b: float(np.diff(b.intervals()).sum()))
+    s = np.linspace(-np.pi, np.pi, samples)
+    q, degrees = np.rad2deg(chosen.q(s)), np.rad2deg(s)
+    arcs = [np.rad2deg(arc) for arc in _within_turn(chosen.intervals())]
+    count, columns = q.shape[1], 2
+    rows = -(-count // columns)
+    figure = Figure(figsize=(9, 1.5 * rows + 0.6), layout="constrained") if figure is None else figure
+    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, squeeze=False)).ravel()
+    lower, upper = np.rad2deg(chain.lower), np.rad2deg(chain.upper)
+    for j, (axis, name) in enumerate(zip(axes, chain.joint_names, strict=False)):
+        for low, high in arcs:
+            axis.axvspan(low, high, color=_INSIDE, lw=1 if low == high else 0, zorder=0)
+        # Another winding begins: no line across the picture.
+        breaks = np.flatnonzero(np.abs(np.diff(q[:, j])) > _HALF_TURN) + 1
+        _joint(
+            axis,
+            name,
+            np.insert(degrees, breaks, np.nan),
+            np.insert(q[:, j], breaks, np.nan),
+            (lower[j], upper[j]),
+        )
+    text = "\n".join(
+        (
+            f"branch {_signs(chosen.signs)}",
+            "green: all joint limits hold",
+            "red: outside the limits of this joint",
+            "white: another joint is outside",
+        )
+    )
+    _finish_joints(axes, count, columns, "swivel (deg)", text)
+    axes[0].set_xlim(-_HALF_TURN, _HALF_TURN)
+    axes[0].set_xticks(range(-180, 181, 90))
     return figure
 
 
@@ -74,15 +121,7 @@ def swivel_band(
         branch: Signs (shoulder, elbow, wrist).
         resolution: Number of swivels.
     """
-    poses = np.asarray(poses, dtype=float)
-    index = sum(weight for weight, sign in zip((4, 2, 1), branch, strict=True) if sign < 0)
-    grid = np.linspace(-np.pi, np.pi, resolution, endpoint=False)
-    band = np.zeros((len(poses), resolution), dtype=bool)
-    owners, intervals = arm.intervals_batch(poses)
-    for (pose, owner), (lo, hi) in zip(owners, intervals, strict=True):
-        if owner == index:
-            band[pose] |= (grid - lo) % (2 * np.pi) <= hi - lo
-    return band
+    return _bands(arm, poses, [_index(branch)], resolution)[0, :, :]
 
 
 def swivel(
@@ -103,35 +142,52 @@ def swivel(
     """
     figure = Figure(figsize=(9, 3.2), layout="constrained") if figure is None else figure
     axis = figure.subplots()
-    s, band = np.asarray(s, dtype=float), np.asarray(band, dtype=bool)
-    width = s[-1] - s[0] if s[-1] > s[0] else 1.0
-    # Samples need not be evenly spaced: the nearest one colours each column.
-    columns = np.linspace(s[0], s[0] + width, min(4 * len(s), 2000))
-    nearest = np.clip(np.searchsorted(0.5 * (s[1:] + s[:-1]), columns), 0, len(s) - 1)
-    axis.imshow(
-        np.where(band[nearest].T[..., None], _colour(_INSIDE), _colour(_OUTSIDE)),
-        extent=(s[0], s[0] + width, -_HALF_TURN, _HALF_TURN),
-        origin="lower",
-        aspect="auto",
-        interpolation="nearest",
-    )
-    if angles is not None:
-        wrapped = (np.rad2deg(np.asarray(angles, dtype=float)) + _HALF_TURN) % (2 * _HALF_TURN) - _HALF_TURN
-        # No line across the picture where the angle wraps.
-        breaks = np.flatnonzero(np.abs(np.diff(wrapped)) > _HALF_TURN) + 1
-        x, y = s[: len(wrapped)], wrapped
-        axis.plot(np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan), color=_LINE, lw=1.8)
-    for at, text in marks:
-        axis.axvline(at, color=_EVENT, lw=1, ls="--")
-        axis.annotate(text, (at, 0.97 * _HALF_TURN), fontsize=8, color=_EVENT, va="top", rotation=90)
-    axis.set_ylim(-_HALF_TURN, _HALF_TURN)
-    axis.set_yticks(range(-180, 181, 90))
+    _swivel(axis, np.asarray(s, dtype=float), angles, np.asarray(band, dtype=bool), marks)
     axis.set_xlabel("along the path (m)", fontsize=9)
     axis.set_title(
         "swivel of the elbow (deg) on the band where all joint limits hold", fontsize=9, loc="left", pad=3
     )
-    _plain(axis)
-    axis.grid(visible=False)
+    return figure
+
+
+def swivel_map(
+    arm: SrsArm,
+    path: Path,
+    plan: SwivelPlan | None = None,
+    resolution: int = 360,
+    figure: FigureBase | None = None,
+) -> FigureBase:
+    """Where the joint limits of each branch hold along a path, and the swivel that was chosen.
+
+    Eight panels in branch order; on each the band against arc length, and the part of the plan that is on that branch.
+
+    Args:
+        arm: The arm; its chart says what the swivels mean.
+        path: With orientations. Of long paths some 600 points are drawn.
+        plan: From `plan_swivel` with the same arm.
+        resolution: Number of swivels of the band.
+        figure: Where to draw; a new figure when left out.
+    """
+    shown = np.unique(np.linspace(0, len(path) - 1, min(len(path), _SHOWN)).round().astype(int))
+    s = path.s[shown]
+    bands = _bands(arm, path.poses[shown], range(8), resolution)
+    figure = Figure(figsize=(9, 8), layout="constrained") if figure is None else figure
+    axes = figure.subplots(4, 2, sharex=True, sharey=True)
+    # A plan that ends early has fewer rows than the path has points.
+    rows = shown[:0] if plan is None else shown[shown < len(plan)]
+    marks = [] if plan is None else [(float(path.s[k]), "") for k in plan.reconfigurations]
+    for index, axis in enumerate(axes.ravel()):
+        signs = tuple(-1 if index & bit else 1 for bit in (4, 2, 1))
+        angles = None
+        if plan is not None and len(rows):
+            here = (plan.branch[rows] == signs).all(axis=1)
+            angles = np.where(here, plan.swivel[rows], np.nan) if here.any() else None
+        _swivel(axis, s, angles, bands[index], marks)
+        axis.set_title(f"branch {_signs(signs)}", fontsize=9, loc="left", pad=3)
+    for axis in axes[-1]:
+        axis.set_xlabel("along the path (m)", fontsize=9)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("swivel (deg)", fontsize=9)
     return figure
 
 
@@ -161,6 +217,105 @@ def track(
     if title:
         figure.suptitle(title, fontsize=11, x=0.01, ha="left")
     return figure
+
+
+def _index(branch: Sequence[int]) -> int:
+    """Branch order from signs (shoulder, elbow, wrist)."""
+    return sum(weight for weight, sign in zip((4, 2, 1), branch, strict=True) if sign < 0)
+
+
+def _signs(branch: Sequence[int]) -> str:
+    return "".join("+" if sign > 0 else "-" for sign in branch)
+
+
+def _within_turn(intervals: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Intervals on the circle as pieces of [-pi, pi]."""
+    pieces = []
+    for lo, hi in intervals:
+        pieces.append((float(lo), min(float(hi), np.pi)))
+        if hi > np.pi:
+            pieces.append((-np.pi, float(hi) - 2 * np.pi))
+    return pieces
+
+
+def _bands(arm: SrsArm, poses: ArrayLike, branches: Sequence[int], resolution: int) -> NDArray[np.bool_]:
+    """`(len(branches), N, resolution)`: where the joint limits hold, over swivels from -pi."""
+    poses = np.asarray(poses, dtype=float)
+    grid = np.linspace(-np.pi, np.pi, resolution, endpoint=False)
+    bands = np.zeros((len(branches), len(poses), resolution), dtype=bool)
+    rows = {branch: row for row, branch in enumerate(branches)}
+    owners, intervals = arm.intervals_batch(poses)
+    for (pose, owner), (lo, hi) in zip(owners.tolist(), intervals, strict=True):
+        if owner in rows:
+            bands[rows[owner], pose] |= (grid - lo) % (2 * np.pi) <= hi - lo
+    return bands
+
+
+def _joint(
+    axis: Axes, name: str, x: NDArray[np.float64], y: NDArray[np.float64], limits: tuple[float, float]
+) -> None:
+    """One joint, with the ranges that its limits forbid shaded."""
+    lower, upper = limits
+    low = lower if np.isfinite(lower) else min(-_HALF_TURN, np.nanmin(y))
+    high = upper if np.isfinite(upper) else max(_HALF_TURN, np.nanmax(y))
+    room = 0.12 * (high - low)
+    bottom, top = min(low, np.nanmin(y)) - room, max(high, np.nanmax(y)) + room
+    axis.set_ylim(bottom, top)
+    if np.isfinite(lower):
+        axis.axhspan(bottom, low, color=_OUTSIDE, lw=0)
+    if np.isfinite(upper):
+        axis.axhspan(high, top, color=_OUTSIDE, lw=0)
+    axis.plot(x, y, color=_LINE, lw=1.6)
+    axis.yaxis.set_major_locator(
+        MultipleLocator(_HALF_TURN / 2 if top - bottom < 4 * _HALF_TURN else 2 * _HALF_TURN)
+    )
+    axis.set_title(f"{name} (deg)", fontsize=9, loc="left", pad=3)
+    _plain(axis)
+
+
+def _finish_joints(axes: NDArray[Any], count: int, columns: int, label: str, text: str) -> None:
+    """The legend in the panel that is left over, the label of the common axis."""
+    for axis in axes[count:]:
+        axis.set_axis_off()
+        axis.text(0.0, 0.5, text, fontsize=9, color="#555555", va="center", transform=axis.transAxes)
+    for axis in axes[max(0, count - columns) : count]:
+        axis.xaxis.set_tick_params(labelbottom=True)
+    axes[count - 1].set_xlabel(label, fontsize=9)
+
+
+def _swivel(
+    axis: Axes,
+    s: NDArray[np.float64],
+    angles: ArrayLike | None,
+    band: NDArray[np.bool_],
+    marks: Sequence[tuple[float, str]],
+) -> None:
+    """The swivel on its band."""
+    width = s[-1] - s[0] if s[-1] > s[0] else 1.0
+    # Samples need not be evenly spaced: the nearest one colours each column.
+    columns = np.linspace(s[0], s[0] + width, min(4 * len(s), 2000))
+    nearest = np.clip(np.searchsorted(0.5 * (s[1:] + s[:-1]), columns), 0, len(s) - 1)
+    axis.imshow(
+        np.where(band[nearest].T[..., None], _colour(_INSIDE), _colour(_OUTSIDE)),
+        extent=(s[0], s[0] + width, -_HALF_TURN, _HALF_TURN),
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+    )
+    if angles is not None:
+        wrapped = (np.rad2deg(np.asarray(angles, dtype=float)) + _HALF_TURN) % (2 * _HALF_TURN) - _HALF_TURN
+        # No line across the picture where the angle wraps.
+        breaks = np.flatnonzero(np.abs(np.diff(wrapped)) > _HALF_TURN) + 1
+        x, y = s[: len(wrapped)], wrapped
+        axis.plot(np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan), color=_LINE, lw=1.8)
+    for at, text in marks:
+        axis.axvline(at, color=_EVENT, lw=1, ls="--")
+        if text:
+            axis.annotate(text, (at, 0.97 * _HALF_TURN), fontsize=8, color=_EVENT, va="top", rotation=90)
+    axis.set_ylim(-_HALF_TURN, _HALF_TURN)
+    axis.set_yticks(range(-180, 181, 90))
+    _plain(axis)
+    axis.grid(visible=False)
 
 
 def _colour(text: str) -> NDArray[np.float64]:
