@@ -549,3 +549,50 @@ fn solving_allocates_nothing() {
         }
     }
 }
+
+/// Seven fixed steps against the paper's iteration written out: the ambient gradient by central differences of the
+/// printed function of an unnormalised quaternion, its tangential part, `Q - a grad`, normalised.
+#[test]
+fn fixed_steps_are_the_papers() {
+    use redundancy_core::nalgebra::{Quaternion, Vector4};
+    let mut random = Random::new(80);
+    for n in 0..60 {
+        let barriers = problem(&mut random, 1 + n % 3);
+        let start = optimizer(&barriers, OrientationMethod::Auto).solve(None);
+        if start.status != Status::Converged {
+            continue;
+        }
+        let q0 = start.q * UnitQuaternion::from_scaled_axis(Vector3::from(random.direction()) * 1e-2);
+        let value = |v: Vector4<f64>| -> f64 {
+            let q = UnitQuaternion::new_normalize(Quaternion::from_vector(v));
+            barriers.iter().map(|b| b.value(&q)).sum()
+        };
+        if !value(q0.coords).is_finite() {
+            continue;
+        }
+        let step = 1e-4;
+        let mut v = q0.coords;
+        for _ in 0..7 {
+            let e = 1e-6;
+            let gradient = Vector4::from_fn(|i, _| {
+                let d = Vector4::ith(i, e);
+                (value(v + d) - value(v - d)) / (2.0 * e)
+            });
+            v = (v - gradient * step).normalize();
+        }
+        let settings = OrientationSettings {
+            backtracking: false,
+            step: Some(step),
+            max_iterations: Some(7),
+            ..settings(OrientationMethod::Gradient)
+        };
+        let s = OrientationOptimizer::new(barriers.clone(), settings).unwrap().solve(Some(&q0));
+        let expected = UnitQuaternion::new_normalize(Quaternion::from_vector(v));
+        // On one body axis only the axis is determined; the spin is the one nearest to q0.
+        let (a, b) = (s.q * Vector3::z(), expected * Vector3::z());
+        assert!((a - b).norm() < 1e-8, "{n}: {}", (a - b).norm());
+        if barriers.len() == 3 {
+            assert!(rotation_angle(&s.q, &expected) < 1e-8, "{n}: {}", rotation_angle(&s.q, &expected));
+        }
+    }
+}

@@ -11,6 +11,7 @@
 //! | `barrier` | logarithmic barriers of those margins |
 //! | `arc` | [`TwoCones`]: two cones on one axis in closed form |
 //! | `start` | a feasible start, or the angle by which the sets miss |
+//! | `fixed_step` | the paper's iteration with a fixed step |
 //! | `optimize` | [`OrientationOptimizer`], [`optimal_directions`] |
 //!
 //! Tangent vectors are rotation vectors (rad) in body axes: `q` moves to `q * exp(delta)`.
@@ -18,6 +19,7 @@
 mod arc;
 mod barrier;
 mod cone;
+mod fixed_step;
 mod optimize;
 mod quaternion;
 mod start;

@@ -47,6 +47,7 @@ use crate::error::{Error, Result, check_finite};
 use crate::rotation::arc::{TwoCones, on_arc};
 use crate::rotation::barrier::{self, Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Spin, unpack};
+use crate::rotation::fixed_step::{Forms, descend_on_axis};
 use crate::rotation::quaternion::{
     angle_between, compose, half_turn, nearest_sign, shortest_arc, swing_twist, unit_direction,
 };
@@ -648,6 +649,9 @@ impl OrientationOptimizer {
         if let Symmetry::Body(axis) = &self.symmetry {
             return self.fixed_steps_on_axis(q, axis, first, stop, limit);
         }
+        if let Some(forms) = Forms::new(&self.barriers) {
+            return forms.descend(&q, first, stop, limit);
+        }
         for iteration in 0..limit {
             if slope.norm_squared() <= stop {
                 return Some((q, Status::Converged, iteration));
@@ -698,13 +702,16 @@ impl OrientationOptimizer {
                 let (d1, d2) = (0.5 * d1.into_inner(), 0.5 * d2.into_inner());
                 let (c1, c2) = (half_cosine(one), half_cosine(two));
                 let (k1, k2) = (2.0 * one.weight(), 2.0 * two.weight());
-                let pull = |z: &Vector3<f64>| {
-                    let (m1, m2) = (z.dot(&d1) - c1, z.dot(&d2) - c2);
+                let pull = |y: &Vector3<f64>, norm: f64| {
+                    let (m1, m2) = (y.dot(&d1) - c1 * norm, y.dot(&d2) - c2 * norm);
                     (m1 > 0.0 && m2 > 0.0).then(|| d1 * (k1 / m1) + d2 * (k2 / m2))
                 };
-                fixed_steps(&from, step, stop, limit, pull)
+                descend_on_axis(&from, step, stop, limit, pull)
             }
-            _ => fixed_steps(&from, step, stop, limit, |z| self.pull_on_axis(axis, z)),
+            _ => {
+                let pull = |y: &Vector3<f64>, norm: f64| Some(self.pull_on_axis(axis, &(y / norm))? / norm);
+                descend_on_axis(&from, step, stop, limit, pull)
+            }
         }?;
         Some((compose(&shortest_arc(&from, &Unit::new_normalize(z)), &start), status, iterations))
     }
@@ -725,49 +732,6 @@ impl OrientationOptimizer {
         }
         Some(pull)
     }
-}
-
-/// The paper's iteration seen on the axis `z`. With `p` the part of `step * pull(z)` perpendicular to `z`, the step on
-/// the quaternion moves `z` to `((1 - p^2) z + 2 p) / (1 + p^2)`, and `|grad| = |p| / (2 step)`: no root is needed.
-#[inline]
-fn fixed_steps(
-    from: &Unit<Vector3<f64>>,
-    step: f64,
-    stop: f64,
-    limit: u32,
-    pull: impl Fn(&Vector3<f64>) -> Option<Vector3<f64>>,
-) -> Option<(Vector3<f64>, Status, u32)> {
-    let mut z = from.into_inner();
-    let mut force = pull(&z)?;
-    let stop = 4.0 * stop;
-    for iteration in 0..limit {
-        let along = z.dot(&force);
-        let whole = force.norm_squared();
-        let mut across = whole - along * along;
-        if across <= PLAIN_MARGIN * whole {
-            // Near the minimum the difference cancels.
-            across = (force - z * along).norm_squared();
-            if across <= stop {
-                return Some((z, Status::Converged, iteration));
-            }
-        }
-        let mut length = step;
-        loop {
-            let squared = length * length * across;
-            let inverse = 1.0 / (1.0 + squared);
-            let trial =
-                z * ((1.0 - squared - 2.0 * length * along) * inverse) + force * (2.0 * length * inverse);
-            if let Some(next) = pull(&trial) {
-                (z, force) = (trial, next);
-                break;
-            }
-            length *= 0.5;
-            if length < step * f64::EPSILON {
-                return Some((z, Status::IterationLimit, iteration));
-            }
-        }
-    }
-    Some((z, Status::IterationLimit, limit))
 }
 
 const NEWTON_ITERATIONS: u32 = 100;
