@@ -1,9 +1,7 @@
 //! Distance from the middle of the joint ranges [Bettini2000, eq. (6)], to be minimised:
 //! `H(q) = 1/(2n) sum_i ((q_i - c_i) / (max_i - min_i))^2`.
 
-use nalgebra::DMatrix;
-
-use super::{Criterion, JointSpring, spring_gradient, spring_hessian, spring_value};
+use super::{JointSpring, Springs};
 use crate::chain::Chain;
 
 /// Available joint range [Bettini2000, eq. (6)]. Joints without limits, or fixed by limits of zero width, do not count;
@@ -41,24 +39,8 @@ impl JointRange {
     }
 }
 
-impl Criterion for JointRange {
-    fn dof(&self) -> usize {
-        self.springs.len()
-    }
-
-    fn value(&self, q: &[f64]) -> f64 {
-        spring_value(&self.springs, q)
-    }
-
-    fn gradient(&self, q: &[f64], out: &mut [f64]) {
-        spring_gradient(&self.springs, q, out);
-    }
-
-    fn hessian(&self, _q: &[f64], out: &mut DMatrix<f64>) {
-        spring_hessian(&self.springs, out);
-    }
-
-    fn springs(&self) -> Option<Vec<JointSpring>> {
-        Some(self.springs.clone())
+impl Springs for JointRange {
+    fn row(&self) -> &[JointSpring] {
+        &self.springs
     }
 }

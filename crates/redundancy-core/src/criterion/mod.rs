@@ -102,20 +102,34 @@ pub(crate) fn check_dof(criterion: &dyn Criterion, dof: usize) -> Result<()> {
     Err(Error::Length { what: "joints of the criterion".into(), expected: dof, actual: criterion.dof() })
 }
 
-/// Value of a row of springs, its gradient added to `out`.
-fn spring_value(springs: &[JointSpring], q: &[f64]) -> f64 {
-    springs.iter().zip(q).map(|(s, q)| 0.5 * s.weight * (q - s.center).powi(2)).sum()
+/// Criteria that are nothing but a row of springs.
+trait Springs: Send + Sync + std::fmt::Debug {
+    fn row(&self) -> &[JointSpring];
 }
 
-fn spring_gradient(springs: &[JointSpring], q: &[f64], out: &mut [f64]) {
-    for ((out, s), q) in out.iter_mut().zip(springs).zip(q) {
-        *out = s.weight * (q - s.center);
+impl<T: Springs> Criterion for T {
+    fn dof(&self) -> usize {
+        self.row().len()
     }
-}
 
-fn spring_hessian(springs: &[JointSpring], out: &mut DMatrix<f64>) {
-    out.fill(0.0);
-    for (i, s) in springs.iter().enumerate() {
-        out[(i, i)] = s.weight;
+    fn value(&self, q: &[f64]) -> f64 {
+        self.row().iter().zip(q).map(|(s, q)| 0.5 * s.weight * (q - s.center).powi(2)).sum()
+    }
+
+    fn gradient(&self, q: &[f64], out: &mut [f64]) {
+        for ((out, s), q) in out.iter_mut().zip(self.row()).zip(q) {
+            *out = s.weight * (q - s.center);
+        }
+    }
+
+    fn hessian(&self, _q: &[f64], out: &mut DMatrix<f64>) {
+        out.fill(0.0);
+        for (i, s) in self.row().iter().enumerate() {
+            out[(i, i)] = s.weight;
+        }
+    }
+
+    fn springs(&self) -> Option<Vec<JointSpring>> {
+        Some(self.row().to_vec())
     }
 }

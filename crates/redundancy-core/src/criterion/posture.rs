@@ -1,8 +1,6 @@
 //! Squared distance from a wished configuration, to be minimised: `h(q) = 1/2 sum_i w_i (q_i - r_i)^2`.
 
-use nalgebra::DMatrix;
-
-use super::{Criterion, JointSpring, spring_gradient, spring_hessian, spring_value};
+use super::{JointSpring, Springs};
 use crate::error::{Error, Result, check_finite, check_length};
 
 /// Nearness to a reference configuration; joint values count as they are, a winding away is far away.
@@ -40,24 +38,8 @@ impl Posture {
     }
 }
 
-impl Criterion for Posture {
-    fn dof(&self) -> usize {
-        self.springs.len()
-    }
-
-    fn value(&self, q: &[f64]) -> f64 {
-        spring_value(&self.springs, q)
-    }
-
-    fn gradient(&self, q: &[f64], out: &mut [f64]) {
-        spring_gradient(&self.springs, q, out);
-    }
-
-    fn hessian(&self, _q: &[f64], out: &mut DMatrix<f64>) {
-        spring_hessian(&self.springs, out);
-    }
-
-    fn springs(&self) -> Option<Vec<JointSpring>> {
-        Some(self.springs.clone())
+impl Springs for Posture {
+    fn row(&self) -> &[JointSpring] {
+        &self.springs
     }
 }
