@@ -3,9 +3,10 @@
 use std::sync::OnceLock;
 
 use super::intervals::Arcs;
-use super::srs::{Circle, Reach, SrsArm, signs};
+use super::srs::{Circle, Reach, SrsArm, opposite, signs};
 use crate::error::{Error, Result};
 use crate::status::Status;
+use crate::tolerance::GIMBAL_PASSAGE;
 
 /// Every configuration over one pose: up to eight circles, one per branch.
 ///
@@ -186,10 +187,33 @@ impl Branch<'_> {
         Ok(self.q_at(u))
     }
 
-    pub(super) fn q_at(&self, u: [f64; 2]) -> [f64; 7] {
+    fn q_at(&self, u: [f64; 2]) -> [f64; 7] {
         let SelfMotion { arm, circle, .. } = self.motion;
         let q = circle.branch(&arm.inner.geometry, u, self.index);
-        arm.hold_limits(&q).unwrap_or(q)
+        arm.hold_limits(&q).or_else(|| self.through_gimbal(&q)).unwrap_or(q)
+    }
+
+    /// At a gimbal only the sum of the outer joints is defined and both jump by pi there: the values on the other side
+    /// of the jump, where those hold the limits.
+    #[cold]
+    fn through_gimbal(&self, q: &[f64; 7]) -> Option<[f64; 7]> {
+        let arm = &self.motion.arm;
+        let geometry = &arm.inner.geometry;
+        let sine = |i: usize| (geometry.sign[i] * (q[i] - geometry.zero[i])).sin().abs();
+        let locked = [1, 5].map(|i| sine(i) < GIMBAL_PASSAGE);
+        let mut choices = [(true, false), (false, true), (true, true)].into_iter();
+        choices.find_map(|(shoulder, wrist)| {
+            if shoulder && !locked[0] || wrist && !locked[1] {
+                return None;
+            }
+            let mut other = *q;
+            for (turned, [first, third]) in [(shoulder, [0, 2]), (wrist, [4, 6])] {
+                if turned {
+                    (other[first], other[third]) = (opposite(q[first]), opposite(q[third]));
+                }
+            }
+            arm.hold_limits(&other)
+        })
     }
 
     /// `dq/ds` at swivel `s`: in the kernel of the Jacobian. Grows without bound towards a gimbal (theta2 or theta6 a

@@ -165,7 +165,7 @@ fn first_at_gimbal(turn: [f64; 2]) -> (f64, f64) {
 
 /// `angle` moved by pi into `(-pi, pi]`.
 #[inline(always)]
-fn opposite(angle: f64) -> f64 {
+pub(super) fn opposite(angle: f64) -> f64 {
     if angle > 0.0 { angle - PI } else { angle + PI }
 }
 
