@@ -560,6 +560,8 @@ fn read_barrier(item: &Bound<'_, PyAny>, index: usize) -> PyResult<Barrier> {
     Barrier::new(weight, constraint).map_err(named)
 }
 
+type OptimizerArguments<'py> = (Bound<'py, PyList>, &'static str);
+
 /// Finds the orientation that minimises a weighted sum of logarithmic barriers.
 #[pyclass(name = "OrientationOptimizer", module = "redundancy", frozen)]
 pub struct PyOrientationOptimizer {
@@ -644,7 +646,7 @@ impl PyOrientationOptimizer {
     fn __getnewargs_ex__<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<((Bound<'py, PyList>, &'static str), Bound<'py, PyDict>)> {
+    ) -> PyResult<(OptimizerArguments<'py>, Bound<'py, PyDict>)> {
         let s = self.optimizer.settings();
         let named = PyDict::new(py);
         named.set_item("tolerance", s.tolerance)?;
@@ -716,6 +718,7 @@ impl PyOrientationSolution {
     }
 
     #[staticmethod]
+    #[allow(clippy::too_many_arguments)] // the fields, in order
     fn _restore(
         q: [f64; 4],
         value: f64,
@@ -862,13 +865,15 @@ angles! {
     quaternion_from_rpy quaternion_to_rpy from_rpy to_rpy,
 }
 
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+
 /// `(swing, twist)` with `q = swing * twist`.
 #[pyfunction]
 pub fn quaternion_swing_twist<'py>(
     py: Python<'py>,
     q: &Bound<'py, PyAny>,
     axis: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<(Vector<'py>, Vector<'py>)> {
     let axis = rotation::unit_direction("axis", read_array(axis, "axis")?).map_err(to_py)?;
     let (swing, twist) = rotation::swing_twist(&quaternion(q, "q")?, &axis);
     Ok((wxyz(py, &swing), wxyz(py, &twist)))
