@@ -150,10 +150,9 @@ fn intervals_agree_with_brute_force() {
                         let worst = violation.fold(0.0, f64::max);
                         let near_other =
                             intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
-                        assert!(
-                            (worst < 1e-11) == expected || near_other,
-                            "{s} in {lo} {hi}: {worst:e} {expected}"
-                        );
+                        // A limit may be crossed at a small angle: outside counts any violation above rounding.
+                        let agrees = if expected { worst < 1e-11 } else { worst > 1e-15 };
+                        assert!(agrees || near_other, "{s} in {lo} {hi}: {worst:e} {expected}");
                     }
                 }
             }
