@@ -189,7 +189,7 @@ impl Branch<'_> {
     pub(super) fn q_at(&self, u: [f64; 2]) -> [f64; 7] {
         let SelfMotion { arm, circle, .. } = self.motion;
         let q = circle.branch(&arm.inner.geometry, u, self.index);
-        arm.hold_limits(&q).unwrap_or(q)
+        arm.hold_limits(&q).unwrap_or_else(|| arm.wind(&q))
     }
 
     /// `dq/ds` at swivel `s`: in the kernel of the Jacobian. Grows without bound towards a gimbal (theta2 or theta6 a
