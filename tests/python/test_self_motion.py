@@ -84,6 +84,36 @@ def test_intervals_hold_and_margins_shrink_them(arm: rd.SrsArm) -> None:
                 assert (at < arm.chain.upper - 0.1 + 1e-9).all()
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.2, 0.7, 1.2, 3.0])
+def test_a_range_of_exactly_half_a_turn(offset: float) -> None:
+    # The middle of such a range is lo + hi = 0 as vectors: its rounding once decided.
+    h, free = np.pi / 2, [np.inf] * 6
+    rows = [[0, 0.3, -h, offset], [0, 0, h, 0], [0, 0.45, -h, 0], [0, 0, h, 0], [0, 0.5, -h, 0], [0, 0, h, 0]]
+    rows.append([0, 0.08, 0, 0])
+    arm = rd.SrsArm(rd.Chain.from_dh(rows, lower=[0, *np.negative(free)], upper=[np.pi, *free]))
+    rng = np.random.default_rng(6)
+    for q in rng.uniform([0.2] * 7, [2.9] * 7, (50, 7)):
+        motion, s = arm.self_motion(arm.chain.forward(q)), arm.swivel(q)
+        branch = next(b for b in motion.branches if b.signs == arm.branch(q))
+        assert any((s - lo) % TURN <= hi - lo for lo, hi in branch.intervals())
+
+
+def test_windings_hold_up_to_the_ends_of_intervals() -> None:
+    # A joint that meets its limit up to rounding must not take the windings of the others with it.
+    chain = rd.catalog.load("pa10").with_limits(
+        lower=[-1, -1.5, 4, 0, 5, -1.5, 7], upper=[1, 1.5, 8, 2, 9, 1.5, 12]
+    )
+    arm, count = rd.SrsArm(chain), 0
+    rng = np.random.default_rng(7)
+    for q in rng.uniform(chain.lower, chain.upper, (300, 7)):
+        for branch in arm.self_motion(chain.forward(q)).branches:
+            for lo, hi in branch.intervals():
+                rows = branch.q(np.linspace(lo, hi, 9))
+                count += 1
+                assert (rows > chain.lower - 1e-8).all() and (rows < chain.upper + 1e-8).all()
+    assert count > 300
+
+
 def test_batches_agree_with_single_calls(arm: rd.SrsArm) -> None:
     chain = arm.chain
     q = random_q(chain, 200, 3)

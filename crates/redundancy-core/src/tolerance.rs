@@ -39,6 +39,10 @@ pub const GIMBAL_SINE: f64 = 1e-13;
 /// A joint this little outside a limit (rad) is at the limit; the value returned is clamped to it.
 pub const LIMIT_SLACK: f64 = 1e-12;
 
+/// A joint this little outside its limit (rad) at the end of a feasible interval is there by rounding of the swivel:
+/// it keeps its winding. Where joints turn a thousand times as fast as the swivel, rounding is a thousand times 1e-16.
+pub const EDGE_ROUNDING: f64 = 1e-9;
+
 /// Angle (rad) between two directions below which a projected reference axis is undefined.
 pub const REFERENCE_PARALLEL: f64 = 1e-6;
 

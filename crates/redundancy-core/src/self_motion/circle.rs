@@ -190,7 +190,7 @@ impl Branch<'_> {
     fn q_at(&self, u: [f64; 2]) -> [f64; 7] {
         let SelfMotion { arm, circle, .. } = self.motion;
         let q = circle.branch(&arm.inner.geometry, u, self.index);
-        arm.hold_limits(&q).or_else(|| self.through_gimbal(&q)).unwrap_or(q)
+        arm.hold_limits(&q).or_else(|| self.through_gimbal(&q)).unwrap_or_else(|| arm.wind(&q))
     }
 
     /// At a gimbal only the sum of the outer joints is defined and both jump by pi there: the values on the other side

@@ -51,8 +51,11 @@ impl Bound {
                 if *wide {
                     after || before
                 } else {
-                    // The last test tells the arc from its antipode, where both cross products vanish for lo = hi.
-                    after && before && x * (lo[0] + hi[0]) + y * (lo[1] + hi[1]) >= -slack
+                    // The last test tells the arc from its antipode, where both cross products vanish for lo = hi. Over a
+                    // quarter turn there is no such point, and at half a turn lo + hi is nothing but rounding.
+                    let over_a_quarter = lo[0] * hi[0] + lo[1] * hi[1] < 0.0;
+                    let ahead = over_a_quarter || x * (lo[0] + hi[0]) + y * (lo[1] + hi[1]) >= -slack;
+                    after && before && ahead
                 }
             }
         }

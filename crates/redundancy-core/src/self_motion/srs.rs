@@ -32,7 +32,7 @@ use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::pose::{Pose, check_pose};
 use crate::status::Status;
-use crate::tolerance::{GIMBAL_SINE, LIMIT_SLACK, REACH_ROUNDING};
+use crate::tolerance::{EDGE_ROUNDING, GIMBAL_SINE, LIMIT_SLACK, REACH_ROUNDING};
 
 /// A swivel: where the elbow is on its circle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -469,6 +469,23 @@ impl SrsArm {
             out[i] = within(q[i], self.inner.lower[i], self.inner.upper[i])?;
         }
         Some(out)
+    }
+
+    /// Each joint's winding within its limits, or its principal value where there is none. For rows that do not hold
+    /// all limits, such as those at the end of an interval where the limit is met up to rounding.
+    pub(super) fn wind(&self, q: &[f64; 7]) -> [f64; 7] {
+        std::array::from_fn(|i| {
+            let (lower, upper) = (self.inner.lower[i] - EDGE_ROUNDING, self.inner.upper[i] + EDGE_ROUNDING);
+            let turns = if q[i] < lower {
+                ((lower - q[i]) / (2.0 * PI)).ceil()
+            } else if q[i] > upper {
+                ((upper - q[i]) / (2.0 * PI)).floor()
+            } else {
+                0.0
+            };
+            let wound = q[i] + 2.0 * PI * turns;
+            if wound >= lower && wound <= upper { wound } else { q[i] }
+        })
     }
 
     /// Everything over `pose` that does not depend on the swivel, as an object.
