@@ -21,6 +21,9 @@ from redundancy import plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
+# What `track` leaves behind.
+RESULTS = ("trajectory.csv", "trajectory.json", "summary.json", "track.png", "swivel.png")
+
 # Points per step of the progress bar, and from how many points there is one.
 _CHUNK = 2_000
 _LONG = 5_000
@@ -187,6 +190,8 @@ class Job:
             )
             raise rd.RedundancyError(message)
         self.out.mkdir(parents=True, exist_ok=True)
+        for name in RESULTS:  # nothing of an earlier run may stand beside the new summary
+            (self.out / name).unlink(missing_ok=True)
         self.summary = {
             "robot": chain.name,
             "robot_source": self.robot,

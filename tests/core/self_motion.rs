@@ -442,3 +442,27 @@ fn the_maker_is_its_own_nearest() {
         assert!(near.value < 1e-7, "{q:?} {near:?}");
     }
 }
+
+#[test]
+fn the_maker_is_its_own_nearest_at_gimbals_too() {
+    let chain = pa10();
+    let arm = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(9);
+    let mut cases: Vec<Vec<f64>> = vec![
+        vec![0.3, 0.0, 0.4, 0.9, 0.1, 0.7, 0.2],
+        vec![0.3, 0.6, 0.4, 0.9, 0.1, 0.0, 0.2],
+        vec![0.3, 0.0, 0.4, 0.9, 0.1, 0.0, 0.2],
+        vec![0.3, 0.0, 0.4, 0.0, 0.1, 0.6, 0.2],
+        vec![0.0; 7],
+    ];
+    for i in 0..200 {
+        let mut q = random_q(&mut rng, &chain);
+        q[[1, 5][i % 2]] = 0.0;
+        cases.push(q);
+    }
+    for q in cases {
+        let near = arm.self_motion(&chain.forward(&q).unwrap()).unwrap().nearest(&q).unwrap().unwrap();
+        assert!(near.value < 1e-5, "{q:?} {near:?}");
+        assert!(pose_error(&chain.forward(&near.q).unwrap(), &chain.forward(&q).unwrap()) < 1e-11);
+    }
+}

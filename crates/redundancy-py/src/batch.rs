@@ -7,10 +7,13 @@ use redundancy_core::Error;
 
 use crate::error::to_py;
 
+/// More threads than any machine has cores; starting a million of them takes minutes.
+const MAX_THREADS: usize = 1_024;
+
 /// Calls `work` for consecutive ranges that cover `0..n`, each inside the chosen rayon pool and without the GIL.
 ///
 /// # Errors
-/// `threads = 0`, a pool that cannot be started, an error of `work`, or a pending `KeyboardInterrupt`.
+/// `threads` of 0 or above 1024, a pool that cannot be started, an error of `work`, or a pending `KeyboardInterrupt`.
 pub fn in_blocks(
     py: Python<'_>,
     n: usize,
@@ -20,7 +23,10 @@ pub fn in_blocks(
 ) -> PyResult<()> {
     let pool = match threads {
         None => None,
-        Some(0) => return Err(to_py(Error::Invalid("threads is 0, it must be at least 1".into()))),
+        Some(count) if !(1..=MAX_THREADS).contains(&count) => {
+            let bound = if count == 0 { "at least 1".into() } else { format!("at most {MAX_THREADS}") };
+            return Err(to_py(Error::Invalid(format!("threads is {count}, it must be {bound}"))));
+        }
         Some(count) => Some(
             rayon::ThreadPoolBuilder::new()
                 .num_threads(count)

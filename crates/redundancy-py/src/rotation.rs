@@ -443,6 +443,11 @@ impl PyQuaternionVolume {
 
     #[pyo3(signature = (n, seed=0))]
     fn sample<'py>(&self, py: Python<'py>, n: usize, seed: u64) -> PyResult<Bound<'py, PyAny>> {
+        const MOST: usize = 10_000_000;
+        if n > MOST {
+            let bound = format!("at most {MOST}; draw more with other seeds");
+            return Err(to_py(Error::OutOfRange { what: "n".into(), value: n as f64, bound }));
+        }
         let list = py.detach(|| self.volume.sample(n, seed));
         let values: Vec<f64> = list.iter().flat_map(rotation::to_wxyz).collect();
         Ok(to_array(py, &values, [n, 4])?.into_any())

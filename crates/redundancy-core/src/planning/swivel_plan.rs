@@ -93,14 +93,15 @@ impl SwivelPlanSettings {
         {
             return out("branch index", branch as f64, "<= 7");
         }
-        for (what, value) in [
-            ("margin", self.margin),
-            ("limit_weight", self.limit_weight),
-            ("motion_weight", self.motion_weight),
-            ("swivel_weight", self.swivel_weight),
+        for (what, value, most) in [
+            ("margin", self.margin, f64::MAX),
+            ("limit_weight", self.limit_weight, MAX_WEIGHT),
+            ("motion_weight", self.motion_weight, MAX_WEIGHT),
+            ("swivel_weight", self.swivel_weight, MAX_WEIGHT),
         ] {
-            if !value.is_finite() || value < 0.0 {
-                return out(what, value, "finite and >= 0");
+            if !(0.0..=most).contains(&value) {
+                let bound = if most == MAX_WEIGHT { "between 0 and 1e6" } else { "finite and >= 0" };
+                return out(what, value, bound);
             }
         }
         if let SwivelChoice::Near(s) | SwivelChoice::Fixed(s) = &self.choice {
@@ -229,11 +230,14 @@ fn empty() -> SwivelPlan {
 }
 
 /// Dearer than any path: the fewest reconfigurations come first.
-const RECONFIGURATION: f64 = 1e9;
+const RECONFIGURATION: f64 = 1e18;
+/// Largest weight: a path then costs less than a reconfiguration (limit terms are capped at 1e6 each).
+const MAX_WEIGHT: f64 = 1e6;
 /// Largest value of the limit term of one joint: at the limit itself it would be infinite.
 const LIMIT_CAP: f64 = 1e3;
-/// Passes in the tube around the chosen line.
-const TUBE_PASSES: usize = 30;
+/// Most passes in the tube around the chosen line while it still travels, and in all.
+const TUBE_TRAVELS: usize = 40;
+const TUBE_PASSES: usize = 60;
 /// Spacing of the swivels in the tube (rad) at which the line is smooth enough.
 const TUBE_SPACING: f64 = 5e-5;
 /// Swivels across the tube, odd.
@@ -536,7 +540,7 @@ impl<'a> Problem<'a> {
     fn smooth(&self, mut line: Line) -> Line {
         let n = line.q.len();
         let mut spacing = TAU / self.settings.swivels as f64 / 2.0;
-        for _ in 0..TUBE_PASSES {
+        for pass in 0..TUBE_PASSES {
             let offset = |j: usize| spacing * (j as f64 - (TUBE_WIDTH / 2) as f64);
             // Joint positions across the tube, unwound along the line; none where a limit is broken.
             let rows: Vec<[Option<[f64; 7]>; TUBE_WIDTH]> = (0..n)
@@ -594,7 +598,7 @@ impl<'a> Problem<'a> {
                 j = came[k][j];
             }
             // The line wants to leave the tube: follow it before narrowing.
-            spacing *= if edge { 0.8 } else { 0.5 };
+            spacing *= if edge && pass < TUBE_TRAVELS { 1.0 } else { 0.5 };
             if spacing < TUBE_SPACING {
                 break;
             }

@@ -28,7 +28,7 @@ use super::spherical::{Range, Spherical, sphericals};
 use super::srs::{Circle, signs, within};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
-use crate::tolerance::{OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING};
+use crate::tolerance::{GIMBAL_PASSAGE, OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING};
 
 /// A configuration chosen from a circle of solutions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -145,6 +145,7 @@ impl SelfMotion {
             let bound = search.range_bound(&a, &b).0;
             search.push(Piece { branch, a, b, bound, rates: false });
         });
+        search.offer_gimbals();
         let mut sphericals_of: [Option<[Spherical; 2]>; 2] = [None, None];
         // The cuts at extrema of the rates, computed when the first piece asks for them.
         let mut rate_cuts: [Option<Vec<f64>>; 2] = [None, None];
@@ -346,6 +347,97 @@ impl Search<'_> {
         if self.best.is_none_or(|b| value < b.value) {
             self.best = Some(Choice { q, swivel: wrapped(sample.s), branch, value });
         }
+    }
+
+    /// Offers what the branches cannot hold: at a gimbal the outer joints of a spherical joint may share their sum in any
+    /// way, a line of configurations over one swivel. Where the swivel does not leave the gimbal (shoulder or wrist
+    /// stretched out along its neighbours) the best swivel is sampled and refined, not proven.
+    fn offer_gimbals(&mut self) {
+        const SAMPLES: usize = 72;
+        let motion = self.motion;
+        let aligned = motion.arm.inner.geometry.aligned;
+        for (e, elbow) in [1.0, -1.0].into_iter().take(if aligned { 1 } else { 2 }).enumerate() {
+            let joints = sphericals(&motion.arm.inner.geometry, &motion.circle, elbow);
+            let locked = joints.iter().any(|j| j.locked);
+            let passages: Vec<f64> = joints.iter().flat_map(Spherical::gimbals).collect();
+            if !locked && passages.is_empty() {
+                continue;
+            }
+            for branch in motion.branch_indices().filter(|b| aligned || usize::from(signs(*b)[1] < 0) == e) {
+                for s in &passages {
+                    self.offer_family(branch, *s);
+                }
+                if !locked {
+                    continue;
+                }
+                let step = TAU / SAMPLES as f64;
+                let mut best = (f64::INFINITY, 0.0);
+                for k in 0..SAMPLES {
+                    let s = step * k as f64 - PI;
+                    let value = self.offer_family(branch, s);
+                    best = if value < best.0 { (value, s) } else { best };
+                }
+                let mut width = step;
+                while best.0.is_finite() && width > SLOPE_ROUNDING {
+                    for s in [best.1 - width, best.1 + width] {
+                        let value = self.offer_family(branch, s);
+                        best = if value < best.0 { (value, s) } else { best };
+                    }
+                    width *= 0.7;
+                }
+            }
+        }
+    }
+
+    /// Offers the best way to share the sum of the outer joints at swivel `s`, for joints at their gimbal there, and
+    /// returns its value (infinite when no way holds the limits).
+    fn offer_family(&mut self, branch: usize, s: f64) -> f64 {
+        let inner = &self.motion.arm.inner;
+        let sample = self.motion.sample(branch, &self.motion.node(branch, s));
+        let (mut q, mut value) = (sample.q, 0.0);
+        let cost = |i: usize, q: f64| 0.5 * self.springs[i].weight * (q - self.springs[i].center).powi(2);
+        for first in [0, 4] {
+            let (middle, third) = (first + 1, first + 2);
+            let (sin, cos) =
+                (inner.geometry.sign[middle] * (sample.q[middle] - inner.geometry.zero[middle])).sin_cos();
+            if sin.abs() > GIMBAL_PASSAGE {
+                continue;
+            }
+            // What the first joint gains the third one loses, or gains as well when the middle angle is pi.
+            let ratio =
+                inner.geometry.sign[first] * inner.geometry.sign[third] * if cos > 0.0 { 1.0 } else { -1.0 };
+            let (w, v) = (self.springs[first].weight, self.springs[third].weight);
+            let mut best = f64::INFINITY;
+            for turns in -2..=2 {
+                let (x, y) = (sample.q[first], sample.q[third] + TAU * f64::from(turns));
+                let (a, b) = ((y - inner.lower[third]) * ratio, (y - inner.upper[third]) * ratio);
+                let low = (inner.lower[first] - x).max(a.min(b));
+                let high = (inner.upper[first] - x).min(a.max(b));
+                if low > high {
+                    continue;
+                }
+                let wish =
+                    w * (self.springs[first].center - x) + v * ratio * (y - self.springs[third].center);
+                let t = if w + v > 0.0 { wish / (w + v) } else { 0.0 }.clamp(low, high);
+                let total = cost(first, x + t) + cost(third, y - ratio * t);
+                if total < best {
+                    best = total;
+                    (q[first], q[third]) = (x + t, y - ratio * t);
+                }
+            }
+        }
+        for i in 0..7 {
+            let Some(at) = nearest_winding(q[i], self.springs[i].center, inner.lower[i], inner.upper[i])
+            else {
+                return f64::INFINITY;
+            };
+            q[i] = at;
+            value += cost(i, at);
+        }
+        if self.best.is_none_or(|b| value < b.value) {
+            self.best = Some(Choice { q, swivel: wrapped(s), branch, value });
+        }
+        value
     }
 
     /// True when the criterion is strictly convex on the piece, by the ranges of
