@@ -24,7 +24,7 @@
 //! `omega = 0`: `z = u`. Disjoint cones: infeasible, and the direction in the middle of the gap is returned.
 //! From half-angles of 90 degrees on the problem is no longer convex and belongs to Newton.
 //!
-//! Cost: 2.5 steps in the mean, about 60 ns. Reference: [FromGravdahl2009].
+//! Cost: 2.6 steps in the mean, about 0.1 us. Reference: [FromGravdahl2009].
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -4,7 +4,7 @@
 //! `grad phi = -sum k_i grad m_i / m_i`, `Hess phi = sum k_i (grad m_i grad m_i^T / m_i^2 - Hess m_i / m_i)`.
 //! The paper's `grad phi_tcp` has the opposite overall sign in print (ground truth).
 //!
-//! Outside of the sets the barrier is infinite. Cost: value 10 ns, all three 20 ns per constraint.
+//! Outside of the sets the barrier is infinite.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 

@@ -22,8 +22,6 @@
 //! # Degenerate cases
 //! A cone is smooth everywhere. A spin has no twist where the swing is half a turn: within
 //! [`SPIN_SCALAR`] of it the margin is `-1 / SPIN_SCALAR^2` (far outside) and the derivatives are zero.
-//!
-//! Cost: about 20 ns each for value, gradient and Hessian together.
 
 use std::f64::consts::PI;
 

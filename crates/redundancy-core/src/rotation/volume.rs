@@ -26,7 +26,7 @@
 //! product of sets: the same `Q_s` stands on both sides, so the pair (Q, V) is what is kept.
 //!
 //! # Cost
-//! Membership and margin 0.2 us, nearest member 20 us (three rotations, outside). References: [FromGravdahl2007],
+//! Membership and margin below 1 us, nearest member below 0.1 ms (three rotations, outside). References: [FromGravdahl2007],
 //! [FromGravdahl2009].
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
