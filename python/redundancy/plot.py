@@ -13,8 +13,9 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
 from redundancy._core import Chain, Path, SelfMotion, SrsArm, SwivelPlan, Trajectory
+from redundancy.plot_rotation import quaternion_volume
 
-__all__ = ["joints", "self_motion", "swivel", "swivel_band", "swivel_map", "track"]
+__all__ = ["joints", "quaternion_volume", "self_motion", "swivel", "swivel_band", "swivel_map", "track"]
 
 _LINE = "#1b5e8c"
 _OUTSIDE = "#e8b4a8"
