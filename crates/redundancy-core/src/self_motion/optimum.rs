@@ -646,8 +646,9 @@ fn sorted_twice(mut cuts: Vec<f64>) -> Vec<f64> {
 /// The number of whole turns nearest to an angle (of moderate size).
 #[inline(always)]
 fn turns(angle: f64) -> f64 {
-    let x = angle / TAU;
-    (x + 0.5_f64.copysign(x)) as i32 as f64
+    const PER_RADIAN: f64 = 1.0 / TAU;
+    let x = angle * PER_RADIAN;
+    f64::from((x + 0.5_f64.copysign(x)) as i32)
 }
 
 /// `b` with the windings that monotone joints reach from `a`.
