@@ -153,12 +153,25 @@ impl Arcs {
         let mask = |s: f64, slack: f64| -> u8 {
             let (sin, cos) = s.sin_cos();
             let mut mask = 0;
-            for (e, [shoulder, wrist]) in both.iter().enumerate() {
+            let mut last: Option<[Allowed; 2]> = None;
+            for e in 0..2 {
+                let [a, b] = match last {
+                    // Without an elbow offset the other elbow turns joints 3 and 5 by half a turn.
+                    Some([a, b]) if geometry.aligned => {
+                        let [p, q] = a.third;
+                        let [r, t] = b.first;
+                        [Allowed { third: [q, p], ..a }, Allowed { first: [t, r], ..b }]
+                    }
+                    _ => {
+                        let [shoulder, wrist] = &both[e];
+                        let a = shoulder.allowed(&bounds[..3], cos, sin, slack);
+                        [a, wrist.allowed(&bounds[4..], cos, sin, slack)]
+                    }
+                };
+                last = Some([a, b]);
                 if !elbows[e] {
                     continue;
                 }
-                let a = shoulder.allowed(&bounds[..3], cos, sin, slack);
-                let b = wrist.allowed(&bounds[4..], cos, sin, slack);
                 for (i, s2) in [0, 1].into_iter().enumerate() {
                     for (j, s6) in [0, 1].into_iter().enumerate() {
                         let ok = a.first[s2]

@@ -141,9 +141,11 @@ impl SelfMotion {
     fn softest(&self, springs: [JointSpring; 7]) -> Option<Choice> {
         let mut search = Search { motion: self, springs, best: None, heap: BinaryHeap::with_capacity(128) };
         self.for_each_piece(|branch, a, b| {
-            search.offer(branch, &a);
             let bound = search.range_bound(&a, &b).0;
-            search.push(Piece { branch, a, b, bound, rates: false });
+            if !search.is_settled(bound) {
+                search.offer(branch, &a);
+                search.push(Piece { branch, a, b, bound, rates: false });
+            }
         });
         search.offer_gimbals();
         let mut sphericals_of: [Option<[Spherical; 2]>; 2] = [None, None];
