@@ -215,3 +215,7 @@ pub const VALUE_ROUNDING: f64 = 4e-16;
 
 /// Square of a step's length below which `1 / sqrt(1 + s)` is its series up to the third power: the fourth is 3e-17.
 pub const ROOT_SERIES: f64 = 1e-4;
+
+/// Swivels (rad) this near to each other at which limits are met may be one touching point: the double root of a tangent
+/// is resolved to the root of the rounding error, some 1e-8.
+pub const LIMITS_MEET: f64 = 1e-6;

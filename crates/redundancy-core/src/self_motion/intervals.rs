@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 use super::geometry::{Geometry, wrapped};
 use super::spherical::{Spherical, sphericals};
 use super::srs::{Circle, SrsArm};
-use crate::tolerance::LIMIT_SLACK;
+use crate::tolerance::{LIMIT_SLACK, LIMITS_MEET};
 
 /// The allowed arc of one of the paper's angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,6 +146,13 @@ impl Arcs {
         }
         cuts.extend_from_slice(&jumps);
         cuts.sort_unstable_by(f64::total_cmp);
+        // A branch can be feasible at a cut alone only where limits meet (or one is touched, a double root).
+        let next = |i: usize| if i + 1 < cuts.len() { cuts[i + 1] } else { cuts[0] + TAU };
+        let meet: Vec<bool> = (0..cuts.len()).map(|i| next(i) - cuts[i] < LIMITS_MEET).collect();
+        let crowded: Vec<f64> = (0..cuts.len())
+            .filter(|i| meet[*i] || meet[if *i == 0 { cuts.len() - 1 } else { i - 1 }])
+            .map(|i| cuts[i])
+            .collect();
         cuts.dedup();
         if cuts.len() > 1 && cuts[cuts.len() - 1] - cuts[0] >= TAU {
             cuts.pop();
@@ -191,12 +198,10 @@ impl Arcs {
         }
         let end = |i: usize| if i + 1 < cuts.len() { cuts[i + 1] } else { cuts[0] + TAU };
         let arcs: Vec<u8> = (0..cuts.len()).map(|i| mask(0.5 * (cuts[i] + end(i)), 0.0)).collect();
-        let everywhere = arcs.iter().fold(0xff, |all, m| all & m);
         let points = (0..cuts.len())
             .map(|i| {
                 let beside = arcs[i] | arcs[if i == 0 { arcs.len() - 1 } else { i - 1 }];
-                // Only a branch that is feasible on neither side needs the test.
-                if beside | everywhere == 0xff { beside } else { beside | mask(cuts[i], LIMIT_SLACK) }
+                if crowded.contains(&cuts[i]) { beside | mask(cuts[i], LIMIT_SLACK) } else { beside }
             })
             .collect();
         let breaks = cuts.iter().map(|s| if jumps.contains(s) { 0xff } else { 0 }).collect();
