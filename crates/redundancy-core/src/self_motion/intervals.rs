@@ -222,13 +222,6 @@ impl Arcs {
         self.arcs[arc] & (1 << branch) != 0
     }
 
-    /// Calls `visit(lo, hi)` for the intervals of one branch.
-    pub(super) fn for_each(&self, branch: usize, mut visit: impl FnMut(f64, f64)) {
-        for [lo, hi] in self.of(branch) {
-            visit(lo, hi);
-        }
-    }
-
     /// The intervals of one branch.
     pub(super) fn of(&self, branch: usize) -> Vec<[f64; 2]> {
         let bit = 1u8 << branch;

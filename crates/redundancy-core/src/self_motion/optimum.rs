@@ -215,7 +215,7 @@ impl SelfMotion {
         });
         for branch in self.branch_indices() {
             let nodes = &nodes[usize::from(signs(branch)[1] < 0 && !aligned)];
-            self.arcs().for_each(branch, |lo, hi| {
+            for [lo, hi] in self.arcs().of(branch) {
                 let mut a = self.sample(branch, &self.node(branch, lo));
                 let first = nodes.partition_point(|n| n.s <= lo);
                 for node in nodes[first..].iter().take_while(|n| n.s < hi) {
@@ -225,7 +225,7 @@ impl SelfMotion {
                 }
                 let b = follow(&a, self.sample(branch, &self.node(branch, hi)));
                 visit(branch, a, b);
-            });
+            }
         }
     }
 
@@ -335,20 +335,26 @@ impl Search<'_> {
 
     /// Takes the point when it is better than the best so far.
     fn offer(&mut self, branch: usize, sample: &Sample) {
+        self.offer_q(branch, sample.s, &sample.q);
+    }
+
+    /// Takes `q` over swivel `s`, each joint in its best winding, when it is better than the best so far; returns its
+    /// value (infinite when no winding holds the limits).
+    fn offer_q(&mut self, branch: usize, s: f64, q: &[f64; 7]) -> f64 {
         let inner = &self.motion.arm.inner;
-        let mut q = [0.0; 7];
-        let mut value = 0.0;
+        let (mut wound, mut value) = ([0.0; 7], 0.0);
         for i in 0..7 {
-            let spring = &self.springs[i];
-            let Some(at) = nearest_winding(sample.q[i], spring.center, inner.lower[i], inner.upper[i]) else {
-                return;
+            let JointSpring { weight, center } = self.springs[i];
+            let Some(at) = nearest_winding(q[i], center, inner.lower[i], inner.upper[i]) else {
+                return f64::INFINITY;
             };
-            q[i] = at;
-            value += 0.5 * spring.weight * (at - spring.center).powi(2);
+            wound[i] = at;
+            value += 0.5 * weight * (at - center).powi(2);
         }
         if self.best.is_none_or(|b| value < b.value) {
-            self.best = Some(Choice { q, swivel: wrapped(sample.s), branch, value });
+            self.best = Some(Choice { q: wound, swivel: wrapped(s), branch, value });
         }
+        value
     }
 
     /// Offers what the branches cannot hold: at a gimbal the outer joints of a spherical joint may share their sum in any
@@ -396,7 +402,7 @@ impl Search<'_> {
     fn offer_family(&mut self, branch: usize, s: f64) -> f64 {
         let inner = &self.motion.arm.inner;
         let sample = self.motion.sample(branch, &self.motion.node(branch, s));
-        let (mut q, mut value) = (sample.q, 0.0);
+        let mut q = sample.q;
         let cost = |i: usize, q: f64| 0.5 * self.springs[i].weight * (q - self.springs[i].center).powi(2);
         for first in [0, 4] {
             let (middle, third) = (first + 1, first + 2);
@@ -428,18 +434,7 @@ impl Search<'_> {
                 }
             }
         }
-        for i in 0..7 {
-            let Some(at) = nearest_winding(q[i], self.springs[i].center, inner.lower[i], inner.upper[i])
-            else {
-                return f64::INFINITY;
-            };
-            q[i] = at;
-            value += cost(i, at);
-        }
-        if self.best.is_none_or(|b| value < b.value) {
-            self.best = Some(Choice { q, swivel: wrapped(s), branch, value });
-        }
-        value
+        self.offer_q(branch, s, &q)
     }
 
     /// True when the criterion is strictly convex on the piece, by the ranges of
