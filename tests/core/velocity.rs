@@ -318,3 +318,192 @@ fn a_step_allocates_nothing() {
         }
     }
 }
+
+/// The bounds as api.md states them, written a second time.
+fn stated_bounds(limits: &Limits, q: f64, qd: Option<f64>, dt: f64) -> (f64, f64) {
+    let a = limits.acceleration;
+    let brake = |d: f64| {
+        // Rounding may leave a joint 1e-17 beyond its limit.
+        let d = d.max(0.0);
+        if a == f64::INFINITY || d == f64::INFINITY {
+            return d / dt;
+        }
+        let steps = d / (a * dt * dt);
+        let k = (((1.0 + 8.0 * steps).sqrt() - 1.0) / 2.0).floor();
+        a * dt * (k / 2.0 + steps / (k + 1.0))
+    };
+    let mut low = -brake(q - limits.lower);
+    let mut high = brake(limits.upper - q);
+    let mut confine = |a: f64, b: f64| {
+        let (l, h) = (low, high);
+        low = a.clamp(l, h);
+        high = b.clamp(l, h);
+    };
+    confine(-limits.velocity, limits.velocity);
+    if let Some(qd) = qd {
+        confine(qd - a * dt, qd + a * dt);
+    }
+    (low, high)
+}
+
+/// Solves `min 1/2 x P x + c x` with `A x = b` and box bounds by clarabel.
+fn clarabel(
+    p: &DMatrix<f64>,
+    c: &[f64],
+    a: &DMatrix<f64>,
+    b: &[f64],
+    bounds: &[(f64, f64)],
+) -> Option<Vec<f64>> {
+    use clarabel::algebra::CscMatrix;
+    use clarabel::solver::{
+        DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
+    };
+    let n = c.len();
+    let mut rows: Vec<Vec<f64>> = a.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let mut right = b.to_vec();
+    let unit = |i: usize, x: f64| (0..n).map(|j| if i == j { x } else { 0.0 }).collect::<Vec<f64>>();
+    for (i, (low, high)) in bounds.iter().enumerate() {
+        if high.is_finite() {
+            rows.push(unit(i, 1.0));
+            right.push(*high);
+        }
+        if low.is_finite() {
+            rows.push(unit(i, -1.0));
+            right.push(-low);
+        }
+    }
+    let matrix = |rows: &[Vec<f64>]| {
+        let (mut i, mut j, mut v) = (vec![], vec![], vec![]);
+        for (r, row) in rows.iter().enumerate() {
+            for (c, x) in row.iter().enumerate().filter(|x| *x.1 != 0.0) {
+                i.push(r);
+                j.push(c);
+                v.push(*x);
+            }
+        }
+        CscMatrix::new_from_triplets(rows.len(), n, i, j, v)
+    };
+    let p: Vec<Vec<f64>> = p.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let cones = [ZeroConeT(b.len()), NonnegativeConeT(rows.len() - b.len())];
+    let settings = DefaultSettingsBuilder::default()
+        .verbose(false)
+        .tol_gap_abs(1e-10)
+        .tol_gap_rel(1e-10)
+        .tol_feas(1e-10)
+        .build()
+        .unwrap();
+    let mut solver = DefaultSolver::new(&matrix(&p), c, &matrix(&rows), &right, &cones, settings).unwrap();
+    solver.solve();
+    matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved)
+        .then(|| solver.solution.x.clone())
+}
+
+/// Random arms on random ways: no limit is exceeded, and scale and velocity are those of the stated problem.
+#[test]
+fn saturation_holds_limits_and_is_optimal() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let (mut steps, mut scaled, mut infeasible) = (0, 0, 0);
+    let (mut worst_scale, mut worst_qd, mut worst_approach) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for run in 0..amount(20, 200) {
+        let name = if run % 2 == 0 { "iiwa14" } else { "dexter" };
+        let arm = catalog::load(name).unwrap();
+        let n = arm.dof();
+        let dt = [0.001, 0.01, 0.05][run % 3];
+        let accelerated = run % 4 != 0;
+        let mut q = random_q(&mut rng, &arm);
+        let limits: Vec<Limits> = q
+            .iter()
+            .map(|q| {
+                let range = rng.random_range(0.05..2.0);
+                let below = rng.random_range(0.0..range);
+                let acceleration = if accelerated { rng.random_range(1.0..20.0) } else { f64::INFINITY };
+                Limits {
+                    lower: q - below,
+                    upper: q - below + range,
+                    velocity: rng.random_range(0.1..2.0),
+                    acceleration,
+                    effort: f64::INFINITY,
+                }
+            })
+            .collect();
+        let arm = arm.with_limits(&limits).unwrap();
+        let h: Arc<dyn Criterion> = Arc::new(JointRange::new(&arm));
+        let gain = rng.random_range(0.1..20.0);
+        let mut scheme =
+            SaturatedNullspace::new(&arm, Some(h.clone()), Gain::Constant(gain), Task::POSE, None).unwrap();
+        let mut qd = vec![0.0; n];
+        let mut v = [0.0; 6];
+        for step in 0..50 {
+            if step % 10 == 0 {
+                v = std::array::from_fn(|_| rng.random_range(-0.5..0.5));
+            }
+            let before = qd.clone();
+            let input = StepInput { q: &q, velocity: &v, dt: Some(dt), qd: Some(&before) };
+            let report = scheme.step(&input, &mut qd).unwrap();
+            let bounds: Vec<(f64, f64)> =
+                (0..n).map(|i| stated_bounds(&limits[i], q[i], Some(before[i]), dt)).collect();
+            steps += 1;
+            for i in 0..n {
+                assert!(qd[i] >= bounds[i].0 - 1e-9 && qd[i] <= bounds[i].1 + 1e-9, "{name} joint {i}");
+                assert!(qd[i].abs() <= limits[i].velocity + 1e-9);
+                let next = q[i] + dt * qd[i];
+                assert!(next >= limits[i].lower - 1e-9 && next <= limits[i].upper + 1e-9);
+                let change = (qd[i] - before[i]).abs() / dt;
+                assert!(change <= limits[i].acceleration + 1e-9 / dt, "{change} {}", limits[i].acceleration);
+            }
+            // The largest scale: variables qd and s.
+            let j = task_jacobian(&arm, &Task::POSE, &q);
+            let mut a = DMatrix::zeros(6, n + 1);
+            a.view_mut((0, 0), (6, n)).copy_from(&j);
+            (0..6).for_each(|i| a[(i, n)] = -v[i]);
+            let mut cost = vec![0.0; n + 1];
+            cost[n] = -1.0;
+            let mut box_bounds = bounds.clone();
+            box_bounds.push((0.0, 1.0));
+            match clarabel(&DMatrix::zeros(n + 1, n + 1), &cost, &a, &[0.0; 6], &box_bounds) {
+                None => {
+                    infeasible += 1;
+                    assert_eq!((report.scale, report.status), (0.0, Status::Limits));
+                    // Then the task is approached as nearly as the bounds allow.
+                    let p = j.transpose() * &j + DMatrix::identity(n, n) * 1e-6;
+                    let c = -(j.transpose() * DVector::from_column_slice(&v));
+                    let best = clarabel(&p, c.as_slice(), &DMatrix::zeros(0, n), &[], &bounds).unwrap();
+                    let missed = |qd: &[f64]| {
+                        (&j * DVector::from_column_slice(qd) - DVector::from_column_slice(&v)).norm()
+                    };
+                    worst_approach = worst_approach.max(missed(&qd) - missed(&best));
+                    assert!((report.residual - missed(&qd)).abs() < 1e-9);
+                }
+                Some(x) => {
+                    let scale = x[n].clamp(0.0, 1.0);
+                    worst_scale = worst_scale.max((scale - report.scale).abs());
+                    assert!((scale - report.scale).abs() < 1e-6, "{name}: {scale} {report:?}");
+                    scaled += usize::from(scale < 1.0 - 1e-9);
+                    let moved = (&j * DVector::from_column_slice(&qd)
+                        - DVector::from_column_slice(&v) * report.scale)
+                        .amax();
+                    let viol = bounds.iter().map(|b| b.0.max(-b.1)).fold(-9.0, f64::max);
+                    assert!(moved < 1e-11, "{moved:e} {scale:e} {report:?} {viol:e} {v:?}");
+                    // The nearest to the wish at this scale.
+                    let mut gradient = vec![0.0; n];
+                    h.gradient(&q, &mut gradient);
+                    let wish: Vec<f64> = gradient.iter().map(|g| gain * g).collect();
+                    let right: Vec<f64> = v.iter().map(|v| v * report.scale).collect();
+                    let distance =
+                        |qd: &[f64]| qd.iter().zip(&wish).map(|(a, b)| (a + b).powi(2)).sum::<f64>();
+                    if let Some(x) = clarabel(&DMatrix::identity(n, n), &wish, &j, &right, &bounds) {
+                        let error = x.iter().zip(&qd).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                        worst_qd = worst_qd.max(error);
+                        // Near a vertex clarabel trades 1e-10 of feasibility for distance: never a nearer one by more.
+                        assert!(error < 1e-6 || distance(&x) > distance(&qd) - 1e-8, "{name}: {error:e}");
+                    }
+                }
+            }
+            q.iter_mut().zip(&qd).for_each(|(q, qd)| *q += dt * qd);
+        }
+    }
+    println!(
+        "{steps} steps, {scaled} scaled, {infeasible} infeasible, scale {worst_scale:e}, qd {worst_qd:e}"
+    );
+    assert!(scaled > steps / 20);
+}

@@ -23,7 +23,8 @@ pub(super) struct BoxProjection {
     multipliers: Vec<f64>,
     /// Step of the multipliers.
     change: Vec<f64>,
-    /// Cholesky factor of the active rows' products.
+    /// Orthonormal rows that span the active ones, and the triangle that makes these of those.
+    orthonormal: Vec<f64>,
     factor: Vec<f64>,
     direction: Vec<f64>,
     /// Rows of the last proof that a larger scale has no solution.
@@ -71,6 +72,7 @@ impl BoxProjection {
             active: Vec::with_capacity(n + 1),
             multipliers: Vec::with_capacity(n + 1),
             change: Vec::with_capacity(n + 1),
+            orthonormal: vec![0.0; (n + 1) * n],
             factor: vec![0.0; (n + 1) * (n + 1)],
             direction: vec![0.0; n],
             blocking: Vec::with_capacity(n + 1),
@@ -85,7 +87,8 @@ impl BoxProjection {
         for _ in 0..ROUNDS {
             match self.project(rows, z0, s) {
                 Outcome::Solved => return Some(s),
-                Outcome::AtMost(bound) if bound >= 0.0 => s = bound.min(s),
+                // A bound that rounding put below 0 is 0, once.
+                Outcome::AtMost(bound) if bound >= -BOX_VIOLATION && s > 0.0 => s = bound.clamp(0.0, s),
                 _ => return None,
             }
         }
@@ -110,7 +113,7 @@ impl BoxProjection {
                 self.steps(rows, worst);
                 let square = dot(&self.direction[..rows.r], &self.direction[..rows.r]);
                 let (_, a) = rows.row(worst);
-                let free = square > BOX_INDEPENDENT * dot(a, a);
+                let free = self.active.len() < rows.r && square > BOX_INDEPENDENT * dot(a, a);
                 let full = if free { violation / square } else { f64::INFINITY };
                 let (mut partial, mut leaving) = (f64::INFINITY, 0);
                 for (i, (u, change)) in self.multipliers.iter().zip(&self.change).enumerate() {
@@ -147,11 +150,15 @@ impl BoxProjection {
         let mut worst = None;
         let mut most = 0.0;
         for joint in 0..rows.p.len() {
+            // What an active row leaves of its violation, and of that of the other side, is rounding.
+            if self.active.iter().any(|row| row.0 == joint) {
+                continue;
+            }
             let x = dot(rows.row((joint, true)).1, &self.z);
             let y = s * rows.p[joint];
             let slack = BOX_VIOLATION * (1.0 + y.abs());
             for (upper, violation) in [(true, x + y - rows.high[joint]), (false, rows.low[joint] - x - y)] {
-                if violation > slack && violation > most && !self.active.contains(&(joint, upper)) {
+                if violation > slack && violation > most {
                     most = violation;
                     worst = Some((joint, upper));
                 }
@@ -160,42 +167,43 @@ impl BoxProjection {
         worst.map(|row| (row, most))
     }
 
-    /// For the new row `a`: `change = (A A^T)^-1 A a` and `direction = a - A^T change`, A the active rows.
+    /// For the new row `a` and the active rows A: `direction` is what of a is orthogonal to them, and `change` solves
+    /// `A^T change = a - direction`. By orthogonalising twice, which near dependence does not spoil.
     fn steps(&mut self, rows: &Rows<'_>, new: (usize, bool)) {
-        let k = self.active.len();
-        let (sign, a) = rows.row(new);
+        let (k, r) = (self.active.len(), rows.r);
+        let size = k + 1;
         self.change.clear();
-        for i in 0..k {
-            let (si, ai) = rows.row(self.active[i]);
-            for j in 0..=i {
-                let (sj, aj) = rows.row(self.active[j]);
-                let mut x = si * sj * dot(ai, aj);
-                for l in 0..j {
-                    x -= self.factor[i * k + l] * self.factor[j * k + l];
+        for i in 0..size {
+            let (sign, a) = rows.row(if i < k { self.active[i] } else { new });
+            let (done, rest) = self.orthonormal.split_at_mut(i * r);
+            let q = &mut rest[..r];
+            q.iter_mut().zip(a).for_each(|(q, a)| *q = sign * a);
+            for j in 0..i {
+                self.factor[j * size + i] = 0.0;
+            }
+            for _ in 0..2 {
+                for (j, before) in done.chunks_exact(r.max(1)).enumerate().take(i) {
+                    let part = dot(before, q);
+                    self.factor[j * size + i] += part;
+                    q.iter_mut().zip(before).for_each(|(q, before)| *q -= part * before);
                 }
-                // Active rows are independent: a row joins only if its direction is.
-                self.factor[i * k + j] =
-                    if i == j { x.max(f64::MIN_POSITIVE).sqrt() } else { x / self.factor[j * k + j] };
             }
-            let mut x = si * sign * dot(ai, a);
-            for l in 0..i {
-                x -= self.factor[i * k + l] * self.change[l];
+            if i == k {
+                self.direction[..r].copy_from_slice(q);
+                break;
             }
-            self.change.push(x / self.factor[i * k + i]);
+            // Active rows are independent: one joins only if its direction is.
+            let norm = dot(q, q).sqrt().max(f64::MIN_POSITIVE);
+            self.factor[i * size + i] = norm;
+            q.iter_mut().for_each(|q| *q /= norm);
         }
+        self.change.resize(k, 0.0);
         for i in (0..k).rev() {
-            let mut x = self.change[i];
+            let mut x = self.factor[i * size + k];
             for l in i + 1..k {
-                x -= self.factor[l * k + i] * self.change[l];
+                x -= self.factor[i * size + l] * self.change[l];
             }
-            self.change[i] = x / self.factor[i * k + i];
-        }
-        for (i, direction) in self.direction.iter_mut().enumerate().take(rows.r) {
-            *direction = sign * a[i];
-            for (row, change) in self.active.iter().zip(&self.change) {
-                let (s, a) = rows.row(*row);
-                *direction -= change * s * a[i];
-            }
+            self.change[i] = x / self.factor[i * size + i];
         }
     }
 

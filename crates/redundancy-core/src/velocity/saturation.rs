@@ -33,7 +33,7 @@ use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
 use crate::status::Status;
-use crate::tolerance::{BOX_VIOLATION, UNREACHABLE_VELOCITY, YIELD_WEIGHT};
+use crate::tolerance::{BOX_VIOLATION, LIMIT_SLACK, UNREACHABLE_VELOCITY, YIELD_WEIGHT};
 
 /// Rounds over the joints in which a task that no scale allows is approached.
 const YIELD_ROUNDS: usize = 100;
@@ -234,7 +234,7 @@ impl Bounds {
             let (above, below) = (limits.upper - q[i], q[i] - limits.lower);
             let position = (-braking(below, limits, dt), braking(above, limits, dt));
             for (distance, upper) in [(above, true), (below, false)] {
-                if distance < 0.0 {
+                if distance < -LIMIT_SLACK {
                     self.outside.push(ActiveLimit { joint: i, kind: LimitKind::Position, upper });
                 }
             }
