@@ -1,9 +1,12 @@
-//! From joint positions to poses and Jacobians, for any number of joints.
+//! From joint positions to poses, Jacobians and torques, for any number of joints.
 
 mod batch;
 mod forward;
+mod inverse_dynamics;
 mod jacobian;
 mod scratch;
 mod trigonometry;
 
+pub(crate) use inverse_dynamics::SplitDerivatives;
+pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use scratch::{Kinematics, Scratch};
