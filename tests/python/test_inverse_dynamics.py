@@ -53,7 +53,9 @@ def test_puma_is_the_arm_of_the_paper() -> None:
     # What the shoulder holds with the arm stretched out, from masses and centres of mass by hand.
     chain = rd.catalog.load("puma560")
     zero = np.zeros(6)
-    links = 17.4 * (0.4318 - 0.3638) + 4.8 * (0.4318 + 0.0203 - 0.0203) + (0.82 + 0.34 + 0.09) * (0.4318 + 0.0203)
+    links = (
+        17.4 * (0.4318 - 0.3638) + 4.8 * (0.4318 + 0.0203 - 0.0203) + (0.82 + 0.34 + 0.09) * (0.4318 + 0.0203)
+    )
     # Link 4's centre of mass lies .019 along its y, which is -z here.
     assert chain.inverse_dynamics(zero, zero, zero)[1] == pytest.approx(9.81 * links, rel=1e-12)
     only_rotor = chain.inverse_dynamics_derivatives(zero, zero, zero)[2][5, 5] - 0.04e-3

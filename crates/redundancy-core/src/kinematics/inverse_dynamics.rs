@@ -292,6 +292,7 @@ impl Chain {
         Ok(())
     }
 
+    #[allow(dead_code)] // `planning` will use it
     /// Both parts of `tau = G + v^2 D` for checked arguments: gravity's, and the one of the motion `(q', q'')`.
     pub(crate) fn split_torques(
         &self,
@@ -308,6 +309,7 @@ impl Chain {
         });
     }
 
+    #[allow(dead_code)] // `planning` will use it
     /// Derivatives of both parts, for checked arguments.
     pub(crate) fn split_derivatives(
         &self,

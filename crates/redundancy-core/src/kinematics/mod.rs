@@ -7,6 +7,5 @@ mod jacobian;
 mod scratch;
 mod trigonometry;
 
-pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use scratch::{Kinematics, Scratch};
