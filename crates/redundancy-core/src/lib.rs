@@ -20,6 +20,7 @@
 pub mod chain;
 pub mod criterion;
 pub mod kinematics;
+pub mod optimum;
 pub mod path;
 pub mod planning;
 pub mod rotation;

@@ -223,3 +223,45 @@ pub const LIMITS_MEET: f64 = 1e-6;
 /// Least cosine of theta that the rates of roll-pitch-yaw are divided by: nearer to the singularity of these angles
 /// the rates are wrong, but finite.
 pub const RPY_COSINE: f64 = 1e-6;
+
+/// Ratio of the smallest to the largest singular value of a task Jacobian below which a configuration is a kinematic
+/// singularity: null-space directions have then lost six of their sixteen digits, joint speeds are a million times the
+/// tool's.
+pub const KINEMATIC_SINGULARITY: f64 = 1e-6;
+
+/// Least joint step (rad or m) of a continuation; a curve that asks for less turns within this distance, which a
+/// singular configuration does.
+pub const TRACE_SHORTEST: f64 = 1e-8;
+
+/// Angle (rad) by which the tangent of a self-motion may turn in one step. The predicted point is then within a per
+/// cent of the step of the curve.
+pub const TRACE_TURN: f64 = 0.2;
+
+/// Newton correction (rad) after which a point counts as on the curve: what is left is of the order of its square.
+pub const TRACE_ONE_STEP: f64 = 1e-6;
+
+/// Distance of the start from the step that passes it, relative to the step, at which a curve closes. The cubic
+/// between two rows is nearer than this, a neighbouring piece that the step control can tell apart is not.
+pub const TRACE_CLOSURE: f64 = 1e-2;
+
+/// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
+pub const CURVE_CONTAINS: f64 = 1e-8;
+
+/// Largest defect (m, rad) of an S-R-S arm whose closed form is taken for its self-motion: what is left is corrected
+/// in one Newton step.
+pub const SRS_EXACT: f64 = 1e-9;
+
+/// Slope of a criterion along the self-motion, relative to its gradient and curvature, up to which a configuration
+/// counts as critical: angles printed with four decimals of a degree (1.5e-6 rad from the critical point) pass.
+pub const CRITICAL_SLOPE: f64 = 2e-6;
+
+/// Curvature of a criterion along the self-motion, relative to the terms it is the sum of, up to which a critical point
+/// counts as degenerate: next to a fold that is a distance of this order (rad), the precision of printed angles.
+pub const DEGENERATE_CURVATURE: f64 = 1e-5;
+
+/// Newton step (rad or m) at which a critical point is as exact as doubles allow.
+pub const NEWTON_DONE: f64 = 1e-13;
+
+/// Distance (rad or m) below which two critical points are one: far above what Newton's method leaves, far below the
+/// distance at which the two of a fold are still told apart by the signs of their curvatures.
+pub const SAME_CRITICAL_POINT: f64 = 1e-7;

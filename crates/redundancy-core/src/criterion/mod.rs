@@ -2,10 +2,13 @@
 
 mod joint_range;
 mod posture;
+mod stationarity;
 mod weighted;
 
 pub use joint_range::JointRange;
 pub use posture::Posture;
+pub use stationarity::Stationarity;
+pub(crate) use stationarity::check_redundant;
 pub use weighted::Weighted;
 
 use nalgebra::DMatrix;
