@@ -7,6 +7,7 @@ mod allocations;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
+mod ik_spherical_wrist;
 mod kinematics;
 mod path;
 mod planning;

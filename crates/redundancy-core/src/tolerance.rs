@@ -81,7 +81,8 @@ pub const SINUSOID_TANGENT: f64 = 1e-14;
 pub const GIMBAL_NEAR: f64 = 1e-9;
 
 /// Sine of the middle angle at its extremum that counts as a passage through the gimbal: the outer joints would
-/// turn by pi within a swivel of this size.
+/// turn by pi within a swivel of this size. In a wrist of a six-joint arm: below it the outer joints may share their sum
+/// freely, which moves the pose by no more than this.
 pub const GIMBAL_PASSAGE: f64 = 1e-12;
 
 /// What may be left between the best value found over a circle of solutions and its proven lower bound, relative to
