@@ -14,3 +14,4 @@ mod planning;
 mod rotation;
 mod self_motion;
 mod support;
+mod task;

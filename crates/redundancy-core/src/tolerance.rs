@@ -220,3 +220,7 @@ pub const ROOT_SERIES: f64 = 1e-4;
 /// Swivels (rad) this near to each other at which limits are met may be one touching point: the double root of a tangent
 /// is resolved to the root of the rounding error, some 1e-8.
 pub const LIMITS_MEET: f64 = 1e-6;
+
+/// Least cosine of theta that the rates of roll-pitch-yaw are divided by: nearer to the singularity of these angles
+/// the rates are wrong, but finite.
+pub const RPY_COSINE: f64 = 1e-6;
