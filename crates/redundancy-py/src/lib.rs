@@ -7,6 +7,7 @@ mod chain;
 mod convert;
 mod criterion;
 mod error;
+mod ik;
 mod path;
 mod planning;
 mod rotation;
@@ -22,6 +23,8 @@ mod _core {
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
     use criterion::{PyCriterion, PyJointRange, PyPosture};
+    #[pymodule_export]
+    use ik::{PyConfigurations, PySphericalWristArm};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
