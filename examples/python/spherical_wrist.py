@@ -1,4 +1,4 @@
-"""Every configuration of a PUMA 560 over one pose, the one nearest to where the arm is, and why another pose has none."""
+"""Every configuration of a PUMA 560 over a pose, the one nearest to where the arm is, and why another pose has none."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ for q, signs in zip(arm.configurations(pose).q, arm.configurations(pose).branche
     print(signs, np.round(q, 4), f"misses the pose by {miss:.0e}")
 
 moved = pose.copy()
-moved[2, 3] += 0.05
-print("5 cm higher:", np.round(arm.nearest(moved, here), 4))
+moved[2, 3] -= 0.05
+print("5 cm lower:", np.round(arm.nearest(moved, here), 4))
 
 moved[0, 3] += 1.0
 print("1 m further:", arm.configurations(moved).reason)

@@ -798,7 +798,8 @@ class SphericalWristArm:
         """The configuration over the pose within limits with the least distance to `q`, windings included.
 
         `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
-        `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1) they stay near `q`.
+        `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
+        they stay near `q`.
         """
     def configurations(self, pose: Any) -> Configurations:
         """Every configuration over a pose within the limits; where there is none, the reason."""
