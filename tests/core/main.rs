@@ -7,6 +7,7 @@ mod allocations;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
+mod criterion;
 mod kinematics;
 mod path;
 mod planning;
