@@ -196,6 +196,16 @@ class Chain:
         Returns:
             `(4, 4)` and `(6, n)`, or `(N, 4, 4)` and `(N, 6, n)`.
         """
+    def hessian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+        """Kinematic Hessian: how the columns of the Jacobian change, `H[:, j, k] = d J[:, j] / d q_k`.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+            threads: Threads for a batch; all cores when left out.
+
+        Returns:
+            `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
+        """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -420,6 +430,44 @@ def paths_raster(
     along: ArrayLike,
     across: ArrayLike,
 ) -> Path: ...
+
+# task
+
+@final
+class Task:
+    """Which coordinates of the tool's motion count.
+
+    `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta) Rx(psi)),
+    `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
+    `planar_pose` (x, y, rotation about z). Wherever an argument `task` is taken, a name does as well.
+
+    Args:
+        name: One of the names above.
+
+    Raises:
+        RedundancyError: An unknown name; the message lists the known ones.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.Task.pointing([0, 1, 0]).dim
+        5
+    """
+
+    def __new__(cls, name: str) -> Self: ...
+    @staticmethod
+    def pointing(axis: ArrayLike | None = None) -> Task:
+        """Position and the direction of `axis` `(3,)`, given in the tool frame; z by default."""
+    @property
+    def name(self) -> str:
+        """The name of its kind."""
+    @property
+    def dim(self) -> int:
+        """How many coordinates count."""
+    @property
+    def axis(self) -> list[float]:
+        """Tool axis of `pointing`, unit length, tool frame; z for the other tasks."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
 
 # criterion
 

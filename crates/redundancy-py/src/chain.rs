@@ -356,6 +356,38 @@ impl PyChain {
         )
     }
 
+    /// Kinematic Hessian at `q`.
+    #[pyo3(signature = (q, *, threads=None))]
+    fn hessian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (chain, dof) = (&self.chain, self.chain.dof());
+        let size = 6 * dof * dof;
+        self.dispatch(
+            q,
+            |q| {
+                let mut out = Fresh::new(py, [6, dof, dof]);
+                let memory = out.memory()?;
+                self.with_scratch(|scratch| {
+                    chain.kinematics(q, scratch).map(|k| k.write_hessian(memory)).map_err(to_py)
+                })?;
+                Ok(out.finish().into_any())
+            },
+            |q, n| {
+                let mut hessians = Fresh::new(py, [n, 6, dof, dof]);
+                let out = hessians.memory()?;
+                in_blocks(py, n, BLOCK, threads, |rows| {
+                    let q = &q[rows.start * dof..rows.end * dof];
+                    chain.hessian_batch(q, &mut out[rows.start * size..rows.end * size])
+                })?;
+                Ok(hessians.finish().into_any())
+            },
+        )
+    }
+
     fn __repr__(&self) -> String {
         let joints: Vec<String> =
             self.chain.joints().iter().map(|j| format!("{} {}", j.kind.as_str(), j.name)).collect();

@@ -12,6 +12,7 @@ mod planning;
 mod rotation;
 mod self_motion;
 mod status;
+mod task;
 
 #[pymodule]
 mod _core {
@@ -32,6 +33,8 @@ mod _core {
     };
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use task::PyTask;
 
     #[pymodule_export]
     use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};
