@@ -515,6 +515,28 @@ class JointRange(Criterion):
     def __new__(cls, chain: Chain) -> Self: ...
 
 @final
+class Manipulability(Criterion):
+    """Distance from singularities, to maximise: `det(J J^T)` of a task, or its root.
+
+    Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. The root has none
+    where it is zero; zeros are returned there.
+
+    Args:
+        chain: The arm.
+        task: Which coordinates count, by name or as a `Task`: `"pose"`, `"pose_rpy"`, `"position"`, `"pointing"`,
+            `"planar"`, `"planar_pose"`. Metres and radians are not weighed against each other.
+        measure: `"det"` or `"sqrt"`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> h = rd.Manipulability(rd.catalog.load("planar3r"), task="planar")
+        >>> h.sense, abs(h.value([0.0, 0.0, 0.0])) < 1e-9, h.value([0.0, 1.0, 1.0]) > 1.0
+        ('maximize', True, True)
+    """
+
+    def __new__(cls, chain: Chain, task: str | Task | None = None, measure: str = "det") -> Self: ...
+
+@final
 class Posture(Criterion):
     """Nearness to a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
 

@@ -469,7 +469,7 @@ impl Criterion for Manipulability {
         det_hessian(&columns, &factors, out);
         let (f, f1, f2) = self.angles(&kinematics);
         let (factor, square) = self.outer(&factors, f * factors.det);
-        if f != 1.0 || square != 0.0 {
+        if self.task.kind() == TaskKind::PoseRpy || square != 0.0 {
             let mut slope = vec![0.0; n];
             det_gradient(&columns, &factors, &mut slope);
             let z: Vec<f64> = (0..n).map(|k| tilt_rate(&kinematics, k)).collect();
