@@ -205,6 +205,41 @@ class Chain:
 
         Returns:
             `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Joint torques `M(q) qdd + c(q, qd) + g(q)`, rotors included, without friction.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+            qd: Velocities; a single row counts for the whole batch.
+            qdd: Accelerations; likewise.
+            gravity: m/s^2, world axes.
+            threads: Threads for a batch; all cores when left out.
+
+        Returns:
+            `(n,)` or `(N, n)`, N m (N for sliding joints).
+
+        Raises:
+            RedundancyError: No inertias in the description, wrong shapes, entries that are not finite.
+        """
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
+
+        Returns:
+            Three `(n, n)`: row i is the torque of joint i. The last is the mass matrix, rotors included.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...

@@ -8,6 +8,7 @@ mod chain;
 mod chain_catalog;
 mod chain_urdf;
 mod criterion;
+mod inverse_dynamics;
 mod kinematics;
 mod path;
 mod planning;

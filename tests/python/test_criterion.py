@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+
 import redundancy as rd
 
 TASKS = ["pose", "pose_rpy", "position", "pointing", "planar", "planar_pose"]
