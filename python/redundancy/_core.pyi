@@ -206,6 +206,41 @@ class Chain:
 
         Returns:
             `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Joint torques `M(q) qdd + c(q, qd) + g(q)`, rotors included, without friction.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+            qd: Velocities; a single row counts for the whole batch.
+            qdd: Accelerations; likewise.
+            gravity: m/s^2, world axes.
+            threads: Threads for a batch; all cores when left out.
+
+        Returns:
+            `(n,)` or `(N, n)`, N m (N for sliding joints).
+
+        Raises:
+            RedundancyError: No inertias in the description, wrong shapes, entries that are not finite.
+        """
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
+
+        Returns:
+            Three `(n, n)`: row i is the torque of joint i. The last is the mass matrix, rotors included.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -514,6 +549,28 @@ class JointRange(Criterion):
     """
 
     def __new__(cls, chain: Chain) -> Self: ...
+
+@final
+class Manipulability(Criterion):
+    """Distance from singularities, to maximise: `det(J J^T)` of a task, or its root.
+
+    Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. The root has none
+    where it is zero; zeros are returned there.
+
+    Args:
+        chain: The arm.
+        task: Which coordinates count, by name or as a `Task`: `"pose"`, `"pose_rpy"`, `"position"`, `"pointing"`,
+            `"planar"`, `"planar_pose"`. Metres and radians are not weighed against each other.
+        measure: `"det"` or `"sqrt"`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> h = rd.Manipulability(rd.catalog.load("planar3r"), task="planar")
+        >>> h.sense, abs(h.value([0.0, 0.0, 0.0])) < 1e-9, h.value([0.0, 1.0, 1.0]) > 1.0
+        ('maximize', True, True)
+    """
+
+    def __new__(cls, chain: Chain, task: str | Task | None = None, measure: str = "det") -> Self: ...
 
 @final
 class Posture(Criterion):

@@ -224,3 +224,7 @@ pub const LIMITS_MEET: f64 = 1e-6;
 /// Least cosine of theta that the rates of roll-pitch-yaw are divided by: nearer to the singularity of these angles
 /// the rates are wrong, but finite.
 pub const RPY_COSINE: f64 = 1e-6;
+
+/// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
+/// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
+pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
