@@ -206,6 +206,7 @@ class Chain:
 
         Returns:
             `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
+        """
     def inverse_dynamics(
         self,
         q: ArrayLike,
