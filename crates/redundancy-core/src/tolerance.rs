@@ -81,7 +81,8 @@ pub const SINUSOID_TANGENT: f64 = 1e-14;
 pub const GIMBAL_NEAR: f64 = 1e-9;
 
 /// Sine of the middle angle at its extremum that counts as a passage through the gimbal: the outer joints would
-/// turn by pi within a swivel of this size.
+/// turn by pi within a swivel of this size. In a wrist of a six-joint arm: below it the outer joints may share their sum
+/// freely, which moves the pose by no more than this.
 pub const GIMBAL_PASSAGE: f64 = 1e-12;
 
 /// What may be left between the best value found over a circle of solutions and its proven lower bound, relative to
@@ -265,3 +266,7 @@ pub const NEWTON_DONE: f64 = 1e-13;
 /// Distance (rad or m) below which two critical points are one: far above what Newton's method leaves, far below the
 /// distance at which the two of a fold are still told apart by the signs of their curvatures.
 pub const SAME_CRITICAL_POINT: f64 = 1e-7;
+
+/// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
+/// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
+pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
