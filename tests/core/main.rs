@@ -11,6 +11,7 @@ mod criterion;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod kinematics;
+mod optimum;
 mod path;
 mod planning;
 mod rotation;

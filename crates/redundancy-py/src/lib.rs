@@ -8,6 +8,7 @@ mod convert;
 mod criterion;
 mod error;
 mod ik;
+mod optimum;
 mod path;
 mod planning;
 mod rotation;
@@ -25,6 +26,11 @@ mod _core {
     use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use ik::{PyConfigurations, PySphericalWristArm};
+    #[pymodule_export]
+    use optimum::{
+        PyClassification, PyCofactorCondition, PyCriticalPoint, py_classify, py_cofactor_condition,
+        py_constrained_optima,
+    };
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

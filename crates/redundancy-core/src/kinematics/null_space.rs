@@ -143,8 +143,7 @@ impl NullSpace {
         }
         for k in (0..m).rev() {
             let above = (k + 1..m).map(|i| self.columns[i * n + k] * self.work[i]).sum::<f64>();
-            let value =
-                if self.diagonal[k] == 0.0 { 0.0 } else { (self.work[k] - above) / self.diagonal[k] };
+            let value = if self.diagonal[k] == 0.0 { 0.0 } else { (self.work[k] - above) / self.diagonal[k] };
             self.work[k] = value;
             multipliers[self.order[k]] = value;
         }

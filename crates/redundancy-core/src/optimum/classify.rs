@@ -71,6 +71,18 @@ impl Kind {
     }
 }
 
+impl std::str::FromStr for Kind {
+    type Err = Error;
+
+    fn from_str(word: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|kind| kind.as_str() == word).ok_or_else(|| Error::UnknownName {
+            kind: "kind",
+            name: word.into(),
+            valid: Self::ALL.map(|kind| kind.as_str().to_owned()).to_vec(),
+        })
+    }
+}
+
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.as_str())
@@ -161,7 +173,8 @@ impl<'a> Classifier<'a> {
         &mut self.stationarity
     }
 
-    pub(crate) fn result(&self, kind: Kind) -> Classification {
+    /// What is known about the last configuration, which is of `kind`.
+    pub fn result(&self, kind: Kind) -> Classification {
         Classification {
             kind,
             eigenvalues: self.eigenvalues.clone(),

@@ -191,12 +191,7 @@ struct Sample {
 }
 
 impl<'a> Search<'a> {
-    fn new(
-        chain: &'a Chain,
-        target: &'a Pose,
-        criterion: &'a dyn Criterion,
-        task: Task,
-    ) -> Result<Self> {
+    fn new(chain: &'a Chain, target: &'a Pose, criterion: &'a dyn Criterion, task: Task) -> Result<Self> {
         Ok(Self {
             chain,
             target,

@@ -253,7 +253,9 @@ pub(crate) fn random_configurations(
         })
         .collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (0..count).map(move |_| ranges.iter().map(|[lower, upper]| lower + (upper - lower) * rng.random::<f64>()).collect())
+    (0..count).map(move |_| {
+        ranges.iter().map(|[lower, upper]| lower + (upper - lower) * rng.random::<f64>()).collect()
+    })
 }
 
 /// The same configurations, in coordinates without a singularity of their own.
@@ -317,8 +319,7 @@ pub(crate) fn wind(chain: &Chain, q: &mut [f64]) {
 fn hermite(a: &[f64], ta: &[f64], b: &[f64], tb: &[f64], h: f64, x: f64, out: &mut [f64]) {
     let u = x / h;
     let (u2, u3) = (u * u, u * u * u);
-    let (h00, h10, h01, h11) =
-        (2.0 * u3 - 3.0 * u2 + 1.0, u3 - 2.0 * u2 + u, 3.0 * u2 - 2.0 * u3, u3 - u2);
+    let (h00, h10, h01, h11) = (2.0 * u3 - 3.0 * u2 + 1.0, u3 - 2.0 * u2 + u, 3.0 * u2 - 2.0 * u3, u3 - u2);
     for i in 0..out.len() {
         out[i] = h00 * a[i] + h01 * b[i] + h * (h10 * ta[i] + h11 * tb[i]);
     }
@@ -437,7 +438,11 @@ impl Tracer {
                     for i in 0..n {
                         // Whole turns are added to the start itself, not to rounded differences.
                         let turns = ((here[i] + to_start[i] - start[i]) / TAU).round();
-                        to_start[i] = if self.fibre.chain.steps()[i].rotational { start[i] + TAU * turns } else { start[i] };
+                        to_start[i] = if self.fibre.chain.steps()[i].rotational {
+                            start[i] + TAU * turns
+                        } else {
+                            start[i]
+                        };
                     }
                     q.extend_from_slice(&to_start);
                     tangents.extend_from_slice(&first);
@@ -833,7 +838,11 @@ pub fn self_motion_patch(
         return Err(Error::Invalid(message));
     }
     if !(spacing > 0.0 && spacing <= 0.5) {
-        return Err(Error::OutOfRange { what: "spacing".into(), value: spacing, bound: "> 0 and <= 0.5".into() });
+        return Err(Error::OutOfRange {
+            what: "spacing".into(),
+            value: spacing,
+            bound: "> 0 and <= 0.5".into(),
+        });
     }
     if steps > 500 {
         return Err(Error::OutOfRange { what: "steps".into(), value: steps as f64, bound: "<= 500".into() });
@@ -851,14 +860,15 @@ pub fn self_motion_patch(
         .collect();
     order.sort_by_key(|(a, b)| (a.abs().max(b.abs()), a.abs() + b.abs(), *a, *b));
     for (a, b) in order {
-        let flat = |a: isize, b: isize| {
-            &start + (basis.column(0) * a as f64 + basis.column(1) * b as f64) * spacing
-        };
+        let flat =
+            |a: isize, b: isize| &start + (basis.column(0) * a as f64 + basis.column(1) * b as f64) * spacing;
         let inner = (a - a.signum(), b - b.signum());
         let known = out[place(inner.0, inner.1)].clone();
         let mut point: Vec<f64> = match known {
             _ if (a, b) == (0, 0) => q.to_vec(),
-            Some(known) => (DVector::from_vec(known) + flat(a, b) - flat(inner.0, inner.1)).as_slice().to_vec(),
+            Some(known) => {
+                (DVector::from_vec(known) + flat(a, b) - flat(inner.0, inner.1)).as_slice().to_vec()
+            }
             None => continue,
         };
         if fibre.correct(&mut point, 2.0 * spacing) {

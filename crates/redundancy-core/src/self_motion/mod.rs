@@ -17,8 +17,10 @@ mod srs;
 pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
-pub use continuation::{SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion};
 pub(crate) use continuation::{Fibre, geometric, random_configurations, short_way, wind};
+pub use continuation::{
+    SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
+};
 pub use geometry::Defect;
 pub use optimum::Choice;
 pub use srs::{SrsArm, Swivel};
