@@ -59,7 +59,7 @@ impl Kind {
         let (Some(least), Some(most)) = (eigenvalues.first(), eigenvalues.last()) else {
             return Self::Degenerate;
         };
-        if eigenvalues.iter().any(|e| !(e.abs() > tolerance)) {
+        if eigenvalues.iter().any(|e| e.is_nan() || e.abs() <= tolerance) {
             Self::Degenerate
         } else if *most < 0.0 {
             Self::Maximum
@@ -140,7 +140,7 @@ impl<'a> Classifier<'a> {
         self.residual = at.mu().iter().map(|x| x * x).sum::<f64>().sqrt();
         symmetric_eigenvalues(at.reduced_hessian(), &mut self.eigenvalues);
         let slope = at.gradient().iter().map(|x| x * x).sum::<f64>().sqrt();
-        if !(self.sigma[0] > KINEMATIC_SINGULARITY * self.sigma[1]) {
+        if self.sigma[0] <= KINEMATIC_SINGULARITY * self.sigma[1] {
             return Kind::KinematicSingularity;
         }
         if self.residual > CRITICAL_SLOPE * (slope + at.scale()) {
@@ -261,7 +261,7 @@ pub fn cofactor_condition(
     task.write_jacobian(&kinematics, &mut entries);
     let jacobian = DMatrix::from_column_slice(m, n, &entries);
     let without = |matrix: &DMatrix<f64>, i: usize| matrix.clone().remove_column(i);
-    let sign = |i: usize| if (n - 1 - i) % 2 == 0 { -1.0 } else { 1.0 };
+    let sign = |i: usize| if (n - 1 - i).is_multiple_of(2) { -1.0 } else { 1.0 };
     let null: Vec<f64> = (0..n).map(|i| sign(i) * without(&jacobian, i).determinant()).collect();
     // How J changes along n. The pose does not, so the map from velocities of the tool to the task stays.
     let mut along = DMatrix::zeros(m, n);

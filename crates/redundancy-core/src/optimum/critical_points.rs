@@ -93,7 +93,7 @@ pub fn constrained_optima(
             return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
         }
         for q in random_configurations(chain, settings.seed, settings.starts) {
-            search.from_start(q);
+            search.newton(q);
         }
     }
     Ok(search.finish())
@@ -245,7 +245,7 @@ impl<'a> Search<'a> {
         /// Share of the largest Bernstein coefficient below which a cubic without a sign change is looked at closer.
         const CLEAR: f64 = 0.05;
         let h = b.s - a.s;
-        if !(h > 0.0) {
+        if h <= 0.0 {
             return;
         }
         let bernstein = [a.mu, a.mu + a.slope * h / 3.0, b.mu - b.slope * h / 3.0, b.mu];
@@ -317,7 +317,7 @@ impl<'a> Search<'a> {
         self.keep(wound);
     }
 
-    fn from_start(&mut self, mut q: Vec<f64>) {
+    fn newton(&mut self, mut q: Vec<f64>) {
         const STEPS: usize = 60;
         const REACH: f64 = 0.3;
         if !self.fibre.reach(&mut q) {

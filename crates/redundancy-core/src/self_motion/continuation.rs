@@ -128,8 +128,7 @@ impl Fibre {
             if length <= TRACE_ONE_STEP {
                 return true;
             }
-            // Also false for a length that is not a number.
-            if !(length <= reach) {
+            if length.is_nan() || length > reach {
                 return false;
             }
         }
@@ -685,7 +684,7 @@ impl SelfMotionCurve {
         }
         let k = nearest.1;
         let gap = |i: usize| self.s.get(i + 1).zip(self.s.get(i)).map_or(0.0, |(b, a)| b - a);
-        if !(nearest.0 <= gap(k).max(if k > 0 { gap(k - 1) } else { 0.0 }) + CURVE_CONTAINS) {
+        if nearest.0 > gap(k).max(if k > 0 { gap(k - 1) } else { 0.0 }) + CURVE_CONTAINS {
             return false;
         }
         // The foot on the curve.
@@ -711,7 +710,7 @@ impl SelfMotionCurve {
             return (q - lower).min(upper - q);
         }
         let half = 0.5 * (upper - lower);
-        if !(half < PI) {
+        if half >= PI {
             return f64::INFINITY;
         }
         let d = q - (lower + half);
