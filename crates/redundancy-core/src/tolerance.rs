@@ -223,3 +223,19 @@ pub const LIMITS_MEET: f64 = 1e-6;
 /// Least cosine of theta that the rates of roll-pitch-yaw are divided by: nearer to the singularity of these angles
 /// the rates are wrong, but finite.
 pub const RPY_COSINE: f64 = 1e-6;
+
+/// Pose error (m, rad) before a Newton step along a path after which the next one would only move rounding: its square.
+pub const LINE_RESIDUAL: f64 = 1e-8;
+
+/// Ratio of the pivots of `J J^T` (rooted) below which a configuration on a path is singular: six digits of the joint
+/// step would be left, none of its second derivative.
+pub const LINE_SINGULAR: f64 = 1e-6;
+
+/// Joint difference (rad) modulo turns below which two configurations over a pose are the same one.
+pub const SAME_LINE: f64 = 1e-6;
+
+/// Pose error (m, rad) below which plain Newton takes over from damped steps.
+pub const START_NEAR: f64 = 1e-2;
+
+/// Share of a torque limit that gravity may take before the limit counts as used up: above it no speed is left.
+pub const TORQUE_LEFT: f64 = 1e-9;
