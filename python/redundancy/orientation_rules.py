@@ -1,9 +1,10 @@
 """Rules that give a tool orientation from the position on the surface alone.
 
-Each function returns a callable from positions `(N, 3)` (m, world frame, z normal to the surface) to rotations `(N, 3, 3)`;
-`max_speed` takes it as `orientation_rule`. The surface (`center` and `half_extents` or `radius`, m) is the one around the positions
-of the call unless it is given; with it, positions may come one at a time. `orientation` `(3, 3)` is that of a tool without freedom; by
-default the tool axis (z) points down, `Ry(pi)`. The formulas and what the papers left open are in docs/painting.md.
+Each function returns a callable from positions `(N, 3)` (m, world frame, z normal to the surface) to rotations
+`(N, 3, 3)`; `max_speed` takes it as `orientation_rule`. The surface (`center` and `half_extents` or `radius`, m) is the
+one around the positions of the call unless it is given; with it, positions may come one at a time. `orientation`
+`(3, 3)` is that of a tool without freedom; by default the tool axis (z) points down, `Ry(pi)`. The formulas and what
+the papers left open are in docs/painting.md.
 """
 
 from collections.abc import Sequence
@@ -112,7 +113,7 @@ def barrier_two_cones(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """As `barrier_cone`, with a cone of half-angle `gamma` and weight `k_x` for the tool's x: V2 of [FromGravdahl2009]."""
+    """As `barrier_cone`, with a cone (`gamma`, `k_x`) for the tool's x: V2 of [FromGravdahl2009]."""
     return _barrier(
         "barrier_two_cones",
         beta,

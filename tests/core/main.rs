@@ -7,6 +7,8 @@ mod allocations;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
+mod criterion;
+mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod kinematics;
 mod path;

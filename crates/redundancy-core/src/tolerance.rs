@@ -81,7 +81,8 @@ pub const SINUSOID_TANGENT: f64 = 1e-14;
 pub const GIMBAL_NEAR: f64 = 1e-9;
 
 /// Sine of the middle angle at its extremum that counts as a passage through the gimbal: the outer joints would
-/// turn by pi within a swivel of this size.
+/// turn by pi within a swivel of this size. In a wrist of a six-joint arm: below it the outer joints may share their sum
+/// freely, which moves the pose by no more than this.
 pub const GIMBAL_PASSAGE: f64 = 1e-12;
 
 /// What may be left between the best value found over a circle of solutions and its proven lower bound, relative to
@@ -239,3 +240,7 @@ pub const START_NEAR: f64 = 1e-2;
 
 /// Share of a torque limit that gravity may take before the limit counts as used up: above it no speed is left.
 pub const TORQUE_LEFT: f64 = 1e-9;
+
+/// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
+/// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
+pub const MANIPULABILITY_PIVOT: f64 = 1e-13;

@@ -7,6 +7,7 @@ mod chain;
 mod convert;
 mod criterion;
 mod error;
+mod ik;
 mod path;
 mod planning;
 mod rotation;
@@ -22,7 +23,9 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyPosture};
+    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
+    #[pymodule_export]
+    use ik::{PyConfigurations, PySphericalWristArm};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

@@ -75,7 +75,6 @@ impl PyTask {
 }
 
 /// A task by name, or a `Task`.
-#[allow(dead_code)] // for the rooms that take a task
 pub fn read_task(object: &Bound<'_, PyAny>) -> PyResult<Task> {
     if let Ok(task) = object.cast::<PyTask>() {
         return Ok(task.get().task);

@@ -1,10 +1,12 @@
 //! What to do with the freedom: h(q), its gradient and its Hessian.
 
 mod joint_range;
+mod manipulability;
 mod posture;
 mod weighted;
 
 pub use joint_range::JointRange;
+pub use manipulability::{Manipulability, Measure};
 pub use posture::Posture;
 pub use weighted::Weighted;
 

@@ -10,6 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::chain::{Chain, JointKind};
+use crate::ik::SphericalWristArm;
 use crate::kinematics::{Scratch, rotation_vector};
 use crate::pose::Pose;
 use crate::self_motion::{SrsArm, Swivel};
@@ -140,6 +141,9 @@ pub(super) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
         let rows = swivels.filter_map(|s| arm.solve(pose, Swivel::Angle(s), false).ok());
         return distinct(rows.flatten().map(|q| q.to_vec()));
     }
+    if let Ok(arm) = SphericalWristArm::new(chain) {
+        return distinct(arm.solve(pose, false).into_iter().flatten().map(|q| q.to_vec()));
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut scratch = Scratch::new(chain);
     let draws = (0..START_DRAWS).filter_map(|_| {
@@ -164,6 +168,38 @@ pub(super) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
         None
     });
     distinct(draws)
+}
+
+/// Points that no configuration reaches, joint limits aside: exact for arms with a closed form, otherwise those that are
+/// further from the first joint than the arm is long.
+pub(super) fn unreachable(chain: &Chain, poses: &[Pose]) -> Vec<usize> {
+    let out = |reached: &dyn Fn(&Pose) -> bool| (0..poses.len()).filter(|k| !reached(&poses[*k])).collect();
+    if let Ok(arm) = SphericalWristArm::new(chain) {
+        let reached = |pose: &Pose| arm.solve_into(pose, false, &mut [[0.0; 6]; 8]) != 0;
+        return out(&reached);
+    }
+    if let Ok(arm) = SrsArm::new(chain) {
+        let reached = |pose: &Pose| arm.solve(pose, Swivel::Angle(0.0), false).is_ok_and(|q| !q.is_empty());
+        return out(&reached);
+    }
+    let base = chain.base() * chain.joints().first().map_or_else(Pose::identity, |j| j.placement);
+    let reach = reach(chain);
+    out(&|pose: &Pose| (pose.translation.vector - base.translation.vector).norm() <= reach)
+}
+
+/// Distance from the first joint beyond which nothing can be reached: frame to frame, added up.
+fn reach(chain: &Chain) -> f64 {
+    let mut reach = 0.0;
+    for (i, joint) in chain.joints().iter().enumerate() {
+        if i > 0 {
+            reach += joint.placement.translation.vector.norm();
+        }
+        if !joint.kind.is_rotational() {
+            reach += joint.limits.lower.abs().max(joint.limits.upper.abs());
+        }
+    }
+    let tip = chain.links().last().map_or_else(Pose::identity, |l| l.offset) * chain.tool();
+    reach + tip.translation.vector.norm()
 }
 
 /// Without those that differ from an earlier one by whole turns only.

@@ -254,15 +254,12 @@ pub(super) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEn
     if why == LineEnd::Jump {
         return Error::Invalid(format!("the arm would have to jump before point {k} of {total}"));
     }
-    let reach: f64 = reach(chain);
-    let base = chain.base() * chain.joints().first().map_or_else(Pose::identity, |j| j.placement);
-    let far: Vec<usize> = (0..total)
-        .filter(|i| (poses[*i].translation.vector - base.translation.vector).norm() > reach)
-        .collect();
+    let far = lines::unreachable(chain, poses);
     if let (Some(first), Some(last)) = (far.first(), far.last()) {
         let count = far.len();
+        let which = if last - first + 1 == count { format!("{first} to {last}") } else { list(&far) };
         return Error::Invalid(format!(
-            "{count} of {total} points are out of the workspace (further than {reach:.3} m from the first joint), indices {first} to {last}"
+            "{count} of {total} points are out of the workspace, indices {which}"
         ));
     }
     let p = poses[k].translation.vector;
@@ -272,20 +269,15 @@ pub(super) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEn
     ))
 }
 
-/// Distance beyond which nothing can be reached: frame to frame, added up; infinite with a sliding joint without limits.
-fn reach(chain: &Chain) -> f64 {
-    let mut reach = 0.0;
-    for (i, joint) in chain.joints().iter().enumerate() {
-        if i > 0 {
-            reach += joint.placement.translation.vector.norm();
-        }
-        if !joint.kind.is_rotational() {
-            reach += joint.limits.lower.abs().max(joint.limits.upper.abs());
-        }
-    }
-    let tip = chain.links().last().map_or_else(Pose::identity, |l| l.offset) * chain.tool();
-    reach + tip.translation.vector.norm()
+/// The first few of a list.
+fn list(indices: &[usize]) -> String {
+    let shown: Vec<String> = indices.iter().take(LISTED).map(ToString::to_string).collect();
+    let more = if indices.len() > LISTED { ", ..." } else { "" };
+    format!("{}{more}", shown.join(", "))
 }
+
+/// Indices that a message lists.
+const LISTED: usize = 10;
 
 /// The fastest motion over given joint positions when the tool speed may change, from `start_speed` to `end_speed` (m/s).
 ///
