@@ -212,7 +212,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
@@ -236,7 +236,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
 
@@ -1042,7 +1042,7 @@ def max_speed(
     torque_limits: Literal["chain"] | ArrayLike | None = ...,
     velocity_limits: Literal["chain"] | ArrayLike | None = None,
     *,
-    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    gravity: Sequence[float] = ...,
     joint_limits: bool = True,
 ) -> MaxSpeed:
     """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
@@ -1099,7 +1099,7 @@ def fastest_profile(
     tool: _Pose | None = None,
     torque_limits: Literal["chain"] | ArrayLike | None = ...,
     velocity_limits: Literal["chain"] | ArrayLike | None = None,
-    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    gravity: Sequence[float] = ...,
 ) -> SpeedProfile:
     """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
 

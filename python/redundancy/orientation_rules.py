@@ -154,7 +154,8 @@ def _barrier(
     orientation: ArrayLike | None,
     center: Sequence[float] | None,
     half_extents: Sequence[float] | None,
-    **more: float,
+    gamma: float | None = None,
+    k_x: float | None = None,
 ) -> OrientationRule:
     return OrientationRule(
         kind,
@@ -166,7 +167,8 @@ def _barrier(
         orientation=orientation,
         center=center,
         half_extents=half_extents,
-        **more,
+        gamma=gamma,
+        k_x=k_x,
     )
 
 

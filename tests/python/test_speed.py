@@ -156,7 +156,7 @@ def test_what_is_wrong_is_named(chain: rd.Chain) -> None:
     assert pickle.loads(pickle.dumps(found)).speed == found.speed
     with pytest.raises(rd.RedundancyError, match=r"'joint2' needs .* at point .* limit is 20"):
         rd.max_speed(chain, path, q=found.q, torque_limits=[97.6, 20.0, 89.4, 24.2, 20.1, 21.3])
-    with pytest.raises(rd.RedundancyError, match=r"out of the workspace .* indices 0 to 893"):
+    with pytest.raises(rd.RedundancyError, match="out of the workspace, indices 0 to 893"):
         rd.max_speed(arm, rd.Path(path.poses[:, :3, 3] + [9.0, 0, 0]), RULES.constant())
     with pytest.raises(rd.RedundancyError, match="positions only"):
         rd.max_speed(arm, path)
