@@ -212,7 +212,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
@@ -236,7 +236,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
 
@@ -954,6 +954,168 @@ def plan_swivel(
 
     Raises:
         RedundancyError: A setting out of its range, a path without orientations.
+    """
+
+# painting
+
+@final
+class OrientationRule:
+    """A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
+
+    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`.
+    """
+
+    def __new__(
+        cls,
+        kind: str,
+        *,
+        angle: float | None = None,
+        spin: str = "pointing",
+        beta: float | None = None,
+        alpha: float | None = None,
+        k_err: float | None = None,
+        k_tcp: float | None = None,
+        distance: float | None = None,
+        gamma: float | None = None,
+        k_x: float | None = None,
+        orientation: ArrayLike | None = None,
+        center: Sequence[float] | None = None,
+        half_extents: Sequence[float] | None = None,
+        radius: float | None = None,
+    ) -> Self: ...
+    def __call__(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """Orientations of positions.
+
+        Raises:
+            RedundancyError: A position that is not finite, cones that miss each other (row and angle are named).
+        """
+    @property
+    def kind(self) -> str:
+        """Name of the rule."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class MaxSpeed:
+    """The largest constant tool speed over a path, and what stops a larger one."""
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+    @property
+    def limiting_joint(self) -> int:
+        """Index of the joint that allows no more."""
+    @property
+    def limiting_joint_name(self) -> str:
+        """Its name."""
+    @property
+    def limit(self) -> str:
+        """`"torque"` or `"velocity"`."""
+    @property
+    def at(self) -> int:
+        """The path point where that happens, from 0."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(N, n)`, rad."""
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Joint torques `(N, n)` at `speed`, N m; zeros for a chain without inertias."""
+    @property
+    def point_speeds(self) -> NDArray[np.float64]:
+        """Largest constant speed `(N,)` that each point would allow on its own, m/s."""
+    @staticmethod
+    def _from_parts(
+        at: tuple[float, int, bool, int],
+        q: list[float],
+        torques: list[float],
+        point_speeds: list[float],
+        joint_name: str,
+    ) -> MaxSpeed: ...
+
+def max_speed(
+    chain: Chain,
+    path: Path,
+    orientation_rule: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    q: ArrayLike | None = None,
+    q0: ArrayLike | None = None,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    *,
+    gravity: Sequence[float] = ...,
+    joint_limits: bool = True,
+) -> MaxSpeed:
+    """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+
+    Args:
+        chain: The arm.
+        path: Positions with `orientation_rule`, poses without.
+        orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
+            `(N, 3, 3)`.
+        q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
+        q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+        joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+
+    Raises:
+        RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
+            gravity asks for (joint and point), no inertias, no limit, no length.
+    """
+
+@final
+class SpeedProfile:
+    """A motion over a path whose tool speed changes."""
+
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc length `(N,)`, m."""
+    @property
+    def speed(self) -> NDArray[np.float64]:
+        """Tool speed `(N,)`, m/s."""
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Along the path from each point to the next `(N,)`, m/s^2."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Time `(N,)`, s."""
+    @property
+    def duration(self) -> float:
+        """Time of the whole path, s."""
+    @staticmethod
+    def _from_parts(
+        s: list[float], speed: list[float], acceleration: list[float], t: list[float]
+    ) -> SpeedProfile: ...
+
+def fastest_profile(
+    chain: Chain,
+    path: Path,
+    q: ArrayLike,
+    *,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    gravity: Sequence[float] = ...,
+) -> SpeedProfile:
+    """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+
+    Args:
+        chain: The arm.
+        path: The path; only its arc lengths count.
+        q: Joint positions `(N, n)`, one row per path point.
+        start_speed: Tool speed at the start, m/s.
+        end_speed: Tool speed at the end, m/s.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+
+    Raises:
+        RedundancyError: As `max_speed`; a speed at an end that cannot be held.
     """
 
 # rotation

@@ -16,5 +16,6 @@ mod path;
 mod planning;
 mod rotation;
 mod self_motion;
+mod spray;
 mod support;
 mod task;

@@ -267,6 +267,22 @@ pub const NEWTON_DONE: f64 = 1e-13;
 /// distance at which the two of a fold are still told apart by the signs of their curvatures.
 pub const SAME_CRITICAL_POINT: f64 = 1e-7;
 
+/// Pose error (m, rad) before a Newton step along a path after which the next one would only move rounding: its square.
+pub const LINE_RESIDUAL: f64 = 1e-8;
+
+/// Ratio of the pivots of `J J^T` (rooted) below which a configuration on a path is singular: six digits of the joint
+/// step would be left, none of its second derivative.
+pub const LINE_SINGULAR: f64 = 1e-6;
+
+/// Joint difference (rad) modulo turns below which two configurations over a pose are the same one.
+pub const SAME_LINE: f64 = 1e-6;
+
+/// Pose error (m, rad) below which plain Newton takes over from damped steps.
+pub const START_NEAR: f64 = 1e-2;
+
+/// Share of a torque limit that gravity may take before the limit counts as used up: above it no speed is left.
+pub const TORQUE_LEFT: f64 = 1e-9;
+
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;

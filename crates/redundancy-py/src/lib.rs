@@ -13,6 +13,7 @@ mod path;
 mod planning;
 mod rotation;
 mod self_motion;
+mod speed;
 mod status;
 mod task;
 
@@ -42,6 +43,8 @@ mod _core {
     };
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
     use task::PyTask;
 
