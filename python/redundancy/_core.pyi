@@ -1675,7 +1675,7 @@ def constrained_optima(
 class CofactorCondition:
     """The sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Pickles."""
 
-    def __new__(cls, n: ArrayLike, mu: float, a: float) -> CofactorCondition: ...
+    def __new__(cls, n: ArrayLike, mu: float, condition: float) -> CofactorCondition: ...
     @property
     def n(self) -> NDArray[np.float64]:
         """`(n,)`: null vector of cofactors, `|n|^2 = det J J^T`."""
@@ -1685,8 +1685,8 @@ class CofactorCondition:
         """`n . grad h`: zero at critical points."""
 
     @property
-    def A(self) -> float:
-        """Negative at a maximum, positive at a minimum: `det(J J^T)` times the eigenvalue of `classify`."""
+    def condition(self) -> float:
+        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times the eigenvalue of `classify`."""
 
 def cofactor_condition(
     chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None
@@ -1700,6 +1700,6 @@ def cofactor_condition(
         >>> import math, redundancy as rd
         >>> arm = rd.catalog.load("planar3r")
         >>> p1 = [math.radians(x) for x in (-87.1742, 111.7847, 77.5352)]
-        >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").A)
+        >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").condition)
         -4861
     """

@@ -34,8 +34,8 @@ def test_table_2(planar: tuple[rd.Chain, rd.Manipulability]) -> None:
         assert str(near[0].kind) == kind
         assert near[0].value == pytest.approx(value, abs=0.501e-4)
         paper = rd.cofactor_condition(arm, near[0].q, h, task="planar")
-        assert paper.A == pytest.approx(a, abs=0.501e-2)
-        assert near[0].eigenvalues[0] * near[0].value == pytest.approx(paper.A, rel=1e-8)
+        assert paper.condition == pytest.approx(a, abs=0.501e-2)
+        assert near[0].eigenvalues[0] * near[0].value == pytest.approx(paper.condition, rel=1e-8)
         at = rd.classify(arm, np.radians(degrees), h, task="planar")
         assert str(at.kind) == kind
         assert at.sigma_min == pytest.approx(np.linalg.svd(arm.jacobian(np.radians(degrees))[:2])[1].min())

@@ -244,8 +244,8 @@ pub struct PyCofactorCondition {
 #[pymethods]
 impl PyCofactorCondition {
     #[new]
-    fn new(n: &Bound<'_, PyAny>, mu: f64, a: f64) -> PyResult<Self> {
-        Ok(Self { at: CofactorCondition { n: read_vector(n, "n", None)?, mu, a } })
+    fn new(n: &Bound<'_, PyAny>, mu: f64, condition: f64) -> PyResult<Self> {
+        Ok(Self { at: CofactorCondition { n: read_vector(n, "n", None)?, mu, a: condition } })
     }
 
     /// The null vector of cofactors.
@@ -261,14 +261,14 @@ impl PyCofactorCondition {
     }
 
     /// The sufficient condition.
-    #[getter(A)]
-    fn a(&self) -> f64 {
+    #[getter]
+    fn condition(&self) -> f64 {
         self.at.a
     }
 
     fn __repr__(&self) -> String {
         let CofactorCondition { n, mu, a } = &self.at;
-        format!("CofactorCondition(n={n:?}, mu={mu:e}, A={a})")
+        format!("CofactorCondition(n={n:?}, mu={mu:e}, condition={a})")
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (Vec<f64>, f64, f64)) {
