@@ -152,3 +152,29 @@ fn bad_input_is_named() {
     assert!(Task::POINTING.velocity(&pose, &[0.0; 5]).unwrap_err().to_string().contains("expected 6"));
     assert!(Task::POSE.velocity(&pose, &[f64::NAN; 6]).is_err());
 }
+
+#[test]
+fn second_derivatives_against_central_differences() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let h = 1e-5;
+    for arm in arms() {
+        let n = arm.dof();
+        let mut memory = [Scratch::new(&arm), Scratch::new(&arm), Scratch::new(&arm)];
+        for _ in 0..20 {
+            let q = random_q(&mut rng, n);
+            let [here, before, behind] = &mut memory;
+            let here = arm.kinematics(&q, here).unwrap();
+            for l in 0..n {
+                let plus = arm.kinematics(&moved(&q, l, h), before).unwrap();
+                let minus = arm.kinematics(&moved(&q, l, -h), behind).unwrap();
+                for (j, k) in (0..n).flat_map(|j| (0..n).map(move |k| (j, k))) {
+                    let ((a, b), (c, d)) = (plus.jacobian_derivative(j, k), minus.jacobian_derivative(j, k));
+                    let (linear, angular) = here.jacobian_second_derivative(j, k, l);
+                    let error =
+                        ((a - c) / (2.0 * h) - linear).amax().max(((b - d) / (2.0 * h) - angular).amax());
+                    assert!(error < 1e-7, "{} {j} {k} {l}: {error:e}", arm.name());
+                }
+            }
+        }
+    }
+}

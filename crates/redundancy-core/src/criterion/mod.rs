@@ -1,11 +1,16 @@
 //! What to do with the freedom: h(q), its gradient and its Hessian.
 
 mod joint_range;
+mod manipulability;
 mod posture;
+mod stationarity;
 mod weighted;
 
 pub use joint_range::JointRange;
+pub use manipulability::{Manipulability, Measure};
 pub use posture::Posture;
+pub use stationarity::Stationarity;
+pub(crate) use stationarity::check_redundant;
 pub use weighted::Weighted;
 
 use nalgebra::DMatrix;

@@ -26,6 +26,24 @@ impl Kinematics<'_> {
         (linear, angular)
     }
 
+    /// `d2 J[:, j] / d q_k d q_l`: the linear and the angular part. The linear part is the third derivative of the
+    /// tool's position and does not see the order of the three indices; sorted `a <= b <= c`, it is
+    /// `w_a x (w_b x v_c)`. The angular part is `w_a x (w_b x w_j)` for `a <= b < j`, else zero.
+    #[inline(always)]
+    pub fn jacobian_second_derivative(&self, j: usize, k: usize, l: usize) -> (Vector3<f64>, Vector3<f64>) {
+        let mut sorted = [j, k, l];
+        sorted.sort_unstable();
+        let [a, b, c] = sorted;
+        let linear = self.angular(a).cross(&self.angular(b).cross(&self.linear(c)));
+        let (first, second) = (k.min(l), k.max(l));
+        let angular = if second < j {
+            self.angular(first).cross(&self.angular(second).cross(&self.angular(j)))
+        } else {
+            Vector3::zeros()
+        };
+        (linear, angular)
+    }
+
     /// Linear part of column `j` of the Jacobian.
     #[inline(always)]
     pub fn linear(&self, j: usize) -> Vector3<f64> {
