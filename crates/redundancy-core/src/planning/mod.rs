@@ -4,9 +4,11 @@ mod lines;
 mod orientation_rule;
 mod speed;
 mod swivel_plan;
+mod tracker;
 
 pub use orientation_rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
 pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+pub use tracker::{Track, TrackSettings, track};
