@@ -327,3 +327,10 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Share of the size of its terms below which the second derivative along the freedom counts as nearly singular: from
+/// there on the extended Jacobian damps the motion of the freedom.
+pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
+
+/// Its largest damping factor, as a share of the same size.
+pub const ALGORITHMIC_DAMPING: f64 = 1e-3;

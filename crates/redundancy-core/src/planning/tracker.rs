@@ -37,12 +37,14 @@ impl TrackSettings {
     /// # Errors
     /// dt that is not positive, a negative feedback, or one for which `feedback dt` is 2 or more.
     pub fn validate(&self) -> Result<()> {
-        let error = |what: &str, value, bound: String| Err(Error::OutOfRange { what: what.into(), value, bound });
+        let error =
+            |what: &str, value, bound: String| Err(Error::OutOfRange { what: what.into(), value, bound });
         if !(self.dt.is_finite() && self.dt > 0.0) {
             return error("dt", self.dt, "finite and > 0".into());
         }
         if !(self.feedback >= 0.0 && self.feedback * self.dt < 2.0) {
-            let bound = format!(">= 0 and < 2 / dt = {} (else the error grows from step to step)", 2.0 / self.dt);
+            let bound =
+                format!(">= 0 and < 2 / dt = {} (else the error grows from step to step)", 2.0 / self.dt);
             return error("feedback", self.feedback, bound);
         }
         Ok(())
@@ -121,7 +123,8 @@ pub fn track(
         let error = task.error(&reference.pose, kinematics.pose());
         position_error = position_error.max(error.position);
         orientation_error = orientation_error.max(error.orientation);
-        let wanted = task.from_twist(kinematics.pose(), &reference.twist) + error.coordinates * settings.feedback;
+        let wanted =
+            task.from_twist(kinematics.pose(), &reference.twist) + error.coordinates * settings.feedback;
         let velocity = caller_coordinates(&task, kinematics.pose(), &wanted, &mut given);
         let input = StepInput { q: &now, velocity, dt: Some(settings.dt), qd: Some(&before) };
         let report = resolver.step(&input, &mut speed)?;
@@ -178,7 +181,11 @@ fn times_for(resolver: &dyn Resolver, path: &Path, q0: &[f64]) -> Result<Vec<f64
         .iter()
         .map(|j| if j.limits.velocity.is_finite() { j.limits.velocity } else { FREE_SPEED })
         .collect();
-    times_within_limits(&rows, &limits, TimingSettings { velocity_fraction: TIMING_SHARE, ..Default::default() })
+    times_within_limits(
+        &rows,
+        &limits,
+        TimingSettings { velocity_fraction: TIMING_SHARE, ..Default::default() },
+    )
 }
 
 /// Events: what begins, not what lasts.
@@ -228,8 +235,10 @@ impl Log {
         }
         let damped = report.damping > 0.0;
         if damped && !self.damped {
-            let message =
-                format!("damping begins, lambda {:.3e}, the task is missed by {:.3e}", report.damping, report.residual);
+            let message = format!(
+                "damping begins, lambda {:.3e}, the task is missed by {:.3e}",
+                report.damping, report.residual
+            );
             self.push(EventKind::Damping, message);
         }
         let singular = report.status == Status::Singular && !report.algorithmic && !damped;
@@ -248,7 +257,8 @@ impl Log {
             if !self.active.contains(limit) {
                 let side = if limit.upper { "upper" } else { "lower" };
                 let name = &self.names[limit.joint];
-                let message = format!("joint '{name}' is held back by its {side} {} limit", limit.kind.as_str());
+                let message =
+                    format!("joint '{name}' is held back by its {side} {} limit", limit.kind.as_str());
                 self.push(EventKind::Limit, message);
             }
         }
@@ -263,10 +273,8 @@ impl Log {
             let excess = (q[i] - upper).max(lower - q[i]);
             let beyond = excess > LIMIT_SLACK;
             if beyond && !self.beyond[i] {
-                let message = format!(
-                    "joint '{}' is at {}, beyond its limits [{lower}, {upper}]",
-                    self.names[i], q[i]
-                );
+                let message =
+                    format!("joint '{}' is at {}, beyond its limits [{lower}, {upper}]", self.names[i], q[i]);
                 self.push(EventKind::JointLimit, message);
             }
             self.beyond[i] = beyond;

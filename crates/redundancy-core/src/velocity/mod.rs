@@ -13,6 +13,7 @@
 
 mod box_projection;
 mod damping;
+mod extended_jacobian;
 mod linear;
 mod local;
 mod projected_gradient;
@@ -22,6 +23,7 @@ mod saturation;
 mod step_size;
 
 pub use damping::Damping;
+pub use extended_jacobian::ExtendedJacobian;
 pub use projected_gradient::ProjectedGradient;
 pub use reduced_gradient::ReducedGradient;
 pub use saturation::SaturatedNullspace;
@@ -96,7 +98,7 @@ pub struct ActiveLimit {
 }
 
 /// A scheme that turns a task velocity into a joint velocity.
-pub trait Resolver: Send + std::fmt::Debug {
+pub trait Resolver: Send + Sync + std::fmt::Debug {
     /// The scheme as a word.
     fn name(&self) -> &'static str;
 
