@@ -228,3 +228,16 @@ pub const RPY_COSINE: f64 = 1e-6;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Damping of the numeric inverse kinematics per unit of cost `|e|^2 / 2` (e in rad; metres are weighted to rad).
+pub const IK_DAMPING: f64 = 0.1;
+
+/// Damping that is left at the target: keeps the system solvable at a singular configuration, too small to slow down
+/// convergence anywhere else.
+pub const IK_DAMPING_FLOOR: f64 = 1e-12;
+
+/// A run whose cost has not fallen below this share in four steps is given up: another start is cheaper.
+pub const IK_STALL: f64 = 0.5;
+
+/// Longest step of a joint in one iteration, rad or m: half of what linearisation covers.
+pub const IK_STEP: f64 = 0.8;

@@ -4,7 +4,13 @@
 //! [`SrsArm`](crate::self_motion::SrsArm).
 
 mod complex;
+mod goal;
+mod newton;
+mod solver;
 mod spherical_wrist;
+mod starts;
 mod wrist_geometry;
 
+pub use goal::OrientationSet;
+pub use solver::*;
 pub use spherical_wrist::{Configurations, SphericalWristArm};
