@@ -5,6 +5,7 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use crate::kinematics::{Kinematics, Task, TaskKind, rotation_vector};
 use crate::pose::Pose;
 use crate::rotation::{Cone, QuaternionVolume};
+use crate::tolerance::SMALL_SINE;
 
 /// A set of orientations.
 #[derive(Debug, Clone)]
@@ -194,9 +195,9 @@ pub(super) fn shortest_turn(
     }
     // 2 sin(angle) axis and 2 cos(angle)
     let sin = sin_axis.norm();
-    if sin < 1e-3 {
+    if sin < 2.0 * SMALL_SINE {
         if trace > 0.0 {
-            // asin(x) = x + x^3 / 6, the next term is below 1e-16
+            // asin(x) = x + x^3 / 6
             let half = 0.5 * sin;
             let scale = 0.5 * (1.0 + half * half / 6.0);
             return (sin_axis * scale, sin * scale);

@@ -12,5 +12,5 @@ mod starts;
 mod wrist_geometry;
 
 pub use goal::OrientationSet;
-pub use solver::*;
+pub use solver::{IkMemory, IkMethod, IkResult, IkSettings, IkSolver};
 pub use spherical_wrist::{Configurations, SphericalWristArm};

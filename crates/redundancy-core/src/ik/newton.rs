@@ -12,7 +12,7 @@
 use super::goal::Goal;
 use crate::chain::Chain;
 use crate::kinematics::{Kinematics, Scratch};
-use crate::tolerance::{IK_DAMPING, IK_DAMPING_FLOOR, IK_STALL, IK_STEP};
+use crate::tolerance::{IK_DAMPING, IK_DAMPING_FLOOR, IK_STALL, IK_STATIONARY, IK_STEP};
 use nalgebra::Vector3;
 
 /// How often the joints that a step takes to their limits are stopped and the others asked again.
@@ -80,8 +80,8 @@ pub(super) struct Problem<'a> {
 impl Problem<'_> {
     /// Improves `q`, which must be within the limits, until it meets the goal, stops improving, or `cap` steps are done.
     ///
-    /// With `patient` it gives up only where no step improves the cost by a relative 1e-9, otherwise already where the
-    /// cost has fallen by less than a quarter in four steps: other starts are cheaper than slow convergence.
+    /// With `patient` it gives up only where no step improves the cost by a relative [`IK_STATIONARY`], otherwise already where the
+    /// cost has not fallen by half in four steps: other starts are cheaper than slow convergence.
     pub fn run(
         &self,
         goal: &Goal,
@@ -92,7 +92,7 @@ impl Problem<'_> {
     ) -> Run {
         let Workspace { scratch, columns, rows, step, held } = memory;
         let mut history = [f64::INFINITY; WINDOW];
-        let stall = if patient { 1.0 - 1e-9 } else { IK_STALL };
+        let stall = if patient { 1.0 - IK_STATIONARY } else { IK_STALL };
         let mut iterations = 0;
         loop {
             let kinematics = self.chain.kinematics_unchecked(q, scratch);
@@ -115,6 +115,40 @@ impl Problem<'_> {
             self.step(&kinematics, columns, &error.e, cost, q, step, held, goal);
             iterations += 1;
         }
+    }
+
+    /// Writes the part of `direction` that leaves the task as it is and goes into no limit.
+    pub fn project(&self, goal: &Goal<'_>, q: &[f64], memory: &mut Workspace, direction: &[f64], out: &mut [f64]) {
+        let Workspace { scratch, columns, rows, held, .. } = memory;
+        let kinematics = self.chain.kinematics_unchecked(q, scratch);
+        goal.error(&kinematics, columns, rows);
+        let at_limit = |i: usize, d: f64| (d > 0.0 && q[i] >= self.upper[i]) || (d < 0.0 && q[i] <= self.lower[i]);
+        for i in 0..q.len() {
+            held[i] = at_limit(i, direction[i]);
+        }
+        for _ in 0..q.len() {
+            let mut a = normal(columns, held, true, IK_DAMPING_FLOOR);
+            factor(&mut a);
+            let mut wish = [0.0; 6];
+            for ((column, d), _) in columns.iter().zip(direction).zip(&*held).filter(|(_, held)| !**held) {
+                for k in 0..6 {
+                    wish[k] += column[k] * d;
+                }
+            }
+            let y = solve(&a, &wish);
+            let mut stopped = false;
+            for i in 0..q.len() {
+                out[i] = if held[i] { 0.0 } else { direction[i] - dot(&columns[i], &y) };
+                if !held[i] && at_limit(i, out[i]) {
+                    held[i] = true;
+                    stopped = true;
+                }
+            }
+            if !stopped {
+                return;
+            }
+        }
+        out.fill(0.0);
     }
 
     /// One step.
@@ -155,7 +189,7 @@ impl Problem<'_> {
             if largest <= IK_STEP && round == 0 {
                 // Third order.
                 let mut correction = [0.0; 6];
-                acceleration(kinematics, goal, self.chain, columns, step, &mut correction);
+                acceleration(kinematics, goal, self.chain, step, &mut correction);
                 let y = solve(&a, &correction);
                 for i in 0..n {
                     if !held[i] {
@@ -272,7 +306,6 @@ fn acceleration(
     kinematics: &Kinematics<'_>,
     goal: &Goal,
     chain: &Chain,
-    columns: &[[f64; 6]],
     step: &[f64],
     out: &mut [f64; 6],
 ) {
@@ -280,7 +313,6 @@ fn acceleration(
     let mut linear = Vector3::zeros();
     let mut angular = Vector3::zeros();
     let raw = kinematics.jacobian().as_slice().as_chunks::<6>().0;
-    let _ = columns;
     for ((axis, joint), (column, dq)) in kinematics.axes().iter().zip(chain.steps()).zip(raw.iter().zip(step)) {
         let v = Vector3::new(column[0], column[1], column[2]) * *dq;
         if joint.rotational {

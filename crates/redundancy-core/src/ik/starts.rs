@@ -18,7 +18,7 @@ use wide::{CmpLt, f32x8};
 use crate::chain::Chain;
 use crate::kinematics::{Scratch, Task, TaskKind};
 use crate::pose::Pose;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Entries that are compared at a time.
 const LANES: usize = 8;
@@ -51,11 +51,17 @@ pub(super) struct Starts {
     scale: f64,
     /// Configurations, `(N, n)`.
     q: Vec<f64>,
-    /// Azimuth of each point about axis 1.
+    /// Azimuth of each point about axis 1 at joint 1 = 0.
     azimuth: Vec<f64>,
+    /// The same in single precision, for the score.
+    azimuth_lanes: Vec<[f32; LANES]>,
+    /// Middle and half-width of the range of joint 1 where it is less than a turn.
+    sector: Option<[f64; 2]>,
     /// Features of eight entries at a time: block, feature, lane.
     features: Vec<f32>,
     n: usize,
+    /// Only x, y and the heading count.
+    planar: bool,
 }
 
 /// The range from which starts of one joint are drawn: its limits, or a turn within them that is nearest to zero.
@@ -77,13 +83,15 @@ impl Starts {
         let home = chain.kinematics_unchecked(&middle, &mut scratch);
         let planar = matches!(task.kind(), TaskKind::Planar | TaskKind::PlanarPose);
         let turns = |i: usize| chain.steps()[i].rotational;
-        let first = (n > 1 && turns(0) && !planar).then(|| {
+        let spans = |i: usize, least: f64| chain.upper()[i] - chain.lower()[i] >= least;
+        let first = (n > 1 && turns(0) && spans(0, PI) && !planar).then(|| {
             let k = home.axes()[0].normalize();
             Turntable { origin: home.origins()[0], frame: crate::chain::axis_onto_z(&k) }
         });
         let to_tool = |v: &Vector3<f64>| home.pose().rotation.inverse() * v;
         let last_axis = to_tool(&home.axes()[n - 1]);
-        let spins = n > 2 && turns(n - 1) && whole_orientation;
+        // With a narrow range the limit would forbid most matches.
+        let spins = n > 2 && turns(n - 1) && spans(n - 1, 1.5 * PI) && whole_orientation;
         let last = spins.then_some(last_axis);
         // A point that the last joint does not move, where its angle is left out of the comparison.
         let point = match last {
@@ -102,17 +110,20 @@ impl Starts {
             first,
             last,
             point,
-            count: if planar { 2 } else { 3 } + 3 * directions.len(),
+            count: 3 + 3 * directions.len(),
             directions,
             scale,
             q: Vec::with_capacity(count * n),
             azimuth: Vec::with_capacity(count),
+            azimuth_lanes: Vec::new(),
+            sector: (chain.upper()[0] - chain.lower()[0] < TAU).then(|| {
+                let (lo, hi) = (chain.lower()[0], chain.upper()[0]);
+                [0.5 * (lo + hi), 0.5 * (hi - lo)]
+            }),
             features: Vec::new(),
             n,
+            planar,
         };
-        if planar {
-            starts.count = 6; // x, y, z with z left out below, one direction
-        }
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut all = Vec::with_capacity(count);
         for _ in 0..count {
@@ -122,10 +133,13 @@ impl Starts {
                 starts.q.push(value);
             }
             let q = &starts.q[starts.q.len() - n..];
-            let (features, azimuth) = starts.describe(&chain.forward_unchecked(q), planar);
-            starts.azimuth.push(azimuth - q[0] * f64::from(u8::from(starts.first.is_some())));
+            let (features, azimuth) = starts.describe(&chain.forward_unchecked(q));
+            starts.azimuth.push(if starts.first.is_some() { azimuth - q[0] } else { 0.0 });
             all.push(features);
         }
+        starts.sector = starts.sector.filter(|_| starts.first.is_some());
+        starts.azimuth_lanes =
+            starts.azimuth.as_chunks::<LANES>().0.iter().map(|block| block.map(|a| a as f32)).collect();
         for block in all.chunks(LANES) {
             for k in 0..starts.count {
                 starts.features.extend(block.iter().map(|f| f[k]));
@@ -140,14 +154,14 @@ impl Starts {
     }
 
     /// Features of a pose, and its azimuth about axis 1.
-    fn describe(&self, pose: &Pose, planar: bool) -> ([f32; FEATURES], f64) {
+    fn describe(&self, pose: &Pose) -> ([f32; FEATURES], f64) {
         let rotation = pose.rotation.matrix();
         let point = rotation * self.point + pose.translation.vector;
         let mut out = [0.0; FEATURES];
         let mut azimuth = 0.0;
         let turned = match &self.first {
             None => {
-                out[..3].copy_from_slice(&[point.x, point.y, if planar { 0.0 } else { point.z }].map(|x| (x * self.scale) as f32));
+                out[..3].copy_from_slice(&[point.x, point.y, if self.planar { 0.0 } else { point.z }].map(|x| (x * self.scale) as f32));
                 Matrix3::identity()
             }
             Some(table) => {
@@ -165,7 +179,7 @@ impl Starts {
         };
         for (k, direction) in self.directions.iter().enumerate() {
             let mut d = turned * (rotation * direction);
-            if planar {
+            if self.planar {
                 d.z = 0.0;
             }
             for j in 0..3 {
@@ -176,8 +190,8 @@ impl Starts {
     }
 
     /// Scores all entries against a target into `scores` and returns the azimuth of the target.
-    pub fn score(&self, target: &Pose, planar: bool, scores: &mut [f32]) -> f64 {
-        let (wanted, azimuth) = self.describe(target, planar);
+    pub fn score(&self, target: &Pose, scores: &mut [f32]) -> f64 {
+        let (wanted, azimuth) = self.describe(target);
         let size = LANES * self.count;
         for (block, out) in self.features.chunks_exact(size).zip(scores.as_chunks_mut::<LANES>().0) {
             let mut sum = f32x8::splat(0.0);
@@ -186,6 +200,17 @@ impl Starts {
                 sum = d.mul_add(d, sum);
             }
             *out = sum.to_array();
+        }
+        if let Some([middle, half]) = self.sector {
+            // What joint 1 would be outside of its limits.
+            let (wanted, half) = (f32x8::splat((azimuth - middle) as f32), f32x8::splat(half as f32));
+            let (turn, turns) = (f32x8::splat(TAU as f32), f32x8::splat((1.0 / TAU) as f32));
+            for (a, out) in self.azimuth_lanes.iter().zip(scores.as_chunks_mut::<LANES>().0) {
+                let away = wanted - f32x8::from(*a);
+                let away = (away - (away * turns).round() * turn).abs();
+                let excess = (away - half).max(f32x8::splat(0.0));
+                *out = excess.mul_add(excess, f32x8::from(*out)).to_array();
+            }
         }
         azimuth
     }
