@@ -255,3 +255,14 @@ pub const SMALL_SINE: f64 = 5e-4;
 
 /// Projected gradient of a criterion, relative to the gradient, at which it counts as stationary over the task.
 pub const IK_CRITERION: f64 = 1e-7;
+
+/// Share of the tolerances to which a step along a criterion is brought back: one more step of quadratic convergence.
+pub const IK_CRITERION_SHARE: f64 = 1e-4;
+
+/// Ratio of the amplitudes of whole and half angles below which the smaller one only moves the stationary points of the
+/// other by rounding; Newton's method takes it into account.
+pub const HALF_ANGLE_FLAT: f64 = 1e-9;
+
+/// Largest distance of a root of the half-angle quartic from the unit circle that counts as on it: a double root is
+/// resolved to the root of the machine precision.
+pub const HALF_ANGLE_ROOT: f64 = 1e-6;

@@ -24,7 +24,7 @@ mod _core {
     #[pymodule_export]
     use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
-    use ik::{PyConfigurations, PySphericalWristArm};
+    use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

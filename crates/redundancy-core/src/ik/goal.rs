@@ -1,7 +1,8 @@
 //! What a configuration is to reach, and how far it is from it, in weighted task coordinates.
 
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use crate::error::{Error, Result, check_vector};
 use crate::kinematics::{Kinematics, Task, TaskKind, rotation_vector};
 use crate::pose::Pose;
 use crate::rotation::{Cone, QuaternionVolume};
@@ -82,7 +83,12 @@ pub(super) struct GoalError {
 impl Goal<'_> {
     /// The error at `kinematics`; writes the columns of its Jacobian.
     #[inline(always)]
-    pub fn error(&self, kinematics: &Kinematics<'_>, columns: &mut [[f64; 6]], rows: &mut [f64]) -> GoalError {
+    pub fn error(
+        &self,
+        kinematics: &Kinematics<'_>,
+        columns: &mut [[f64; 6]],
+        rows: &mut [f64],
+    ) -> GoalError {
         let kind = self.task.kind();
         if self.set.is_none() && matches!(kind, TaskKind::Pose | TaskKind::PoseRpy) {
             self.pose_error(kinematics, columns)
@@ -104,7 +110,12 @@ impl Goal<'_> {
         GoalError { e, position: d.norm(), orientation: angle }
     }
 
-    fn other_error(&self, kinematics: &Kinematics<'_>, columns: &mut [[f64; 6]], rows: &mut [f64]) -> GoalError {
+    fn other_error(
+        &self,
+        kinematics: &Kinematics<'_>,
+        columns: &mut [[f64; 6]],
+        rows: &mut [f64],
+    ) -> GoalError {
         let pose = kinematics.pose();
         if let Some(set) = self.set {
             // The position, and one row along the shortest way into the set: the gradient of the distance from it.
@@ -179,6 +190,25 @@ impl Goal<'_> {
             *x *= s;
         }
     }
+}
+
+/// The pose that stands for the target of a task given by its coordinates alone: `(x, y)` for `planar`, `(x, y, angle)` for
+/// `planar_pose`, `(x, y, z)` for `position`; what does not count is zero.
+///
+/// # Errors
+/// Another number of coordinates, one that is not finite, a task whose target is a pose.
+pub fn task_target(task: &Task, coordinates: &[f64]) -> Result<Pose> {
+    if task.dim() > 3 {
+        return Err(Error::Invalid(format!("a target of the task {task} is a pose")));
+    }
+    check_vector("target", coordinates, task.dim())?;
+    let (x, y) = (coordinates[0], coordinates[1]);
+    let (z, angle) = match task.kind() {
+        TaskKind::Position => (coordinates[2], 0.0),
+        TaskKind::PlanarPose => (0.0, coordinates[2]),
+        _ => (0.0, 0.0),
+    };
+    Ok(Pose::from_parts(Translation3::new(x, y, z), Rotation3::from_axis_angle(&Vector3::z_axis(), angle)))
 }
 
 /// Rotation vector (world axes) of the shortest arc from one rotation to another, and its angle.

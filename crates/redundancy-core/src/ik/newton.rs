@@ -17,6 +17,8 @@ use nalgebra::Vector3;
 
 /// How often the joints that a step takes to their limits are stopped and the others asked again.
 const ROUNDS: usize = 3;
+/// Steps that are taken back in a row before a point counts as stationary: each is damped ten times as much.
+const REFUSED: usize = 12;
 /// Steps over which progress is judged.
 const WINDOW: usize = 4;
 
@@ -30,6 +32,7 @@ pub(super) struct Workspace {
     pub rows: Vec<f64>,
     step: Vec<f64>,
     held: Vec<bool>,
+    previous: Vec<f64>,
 }
 
 impl Workspace {
@@ -41,6 +44,7 @@ impl Workspace {
             rows: vec![0.0; 6 * n],
             step: vec![0.0; n],
             held: vec![false; n],
+            previous: vec![0.0; n],
         }
     }
 }
@@ -82,25 +86,36 @@ impl Problem<'_> {
     ///
     /// With `patient` it gives up only where no step improves the cost by a relative [`IK_STATIONARY`], otherwise already where the
     /// cost has not fallen by half in four steps: other starts are cheaper than slow convergence.
-    pub fn run(
-        &self,
-        goal: &Goal,
-        q: &mut [f64],
-        memory: &mut Workspace,
-        cap: usize,
-        patient: bool,
-    ) -> Run {
-        let Workspace { scratch, columns, rows, step, held } = memory;
+    pub fn run(&self, goal: &Goal, q: &mut [f64], memory: &mut Workspace, cap: usize, patient: bool) -> Run {
+        let Workspace { scratch, columns, rows, step, held, previous } = memory;
         let mut history = [f64::INFINITY; WINDOW];
+        let (mut boost, mut last, mut refused) = (1.0, f64::INFINITY, 0);
         let stall = if patient { 1.0 - IK_STATIONARY } else { IK_STALL };
-        let mut iterations = 0;
+        let (mut iterations, mut accepted) = (0, 0);
         loop {
             let kinematics = self.chain.kinematics_unchecked(q, scratch);
             let error = goal.error(&kinematics, columns, rows);
             let cost = 0.5 * dot(&error.e, &error.e);
-            let end = if error.position <= self.tol_position && error.orientation <= self.tol_orientation {
+            let converged = error.position <= self.tol_position && error.orientation <= self.tol_orientation;
+            // Where a residual remains, undamped steps overshoot: the patient take back those that make it worse.
+            if patient && !converged && (cost > last || cost.is_nan()) {
+                q.copy_from_slice(previous);
+                boost *= 10.0;
+                refused += 1;
+                let kinematics = self.chain.kinematics_unchecked(q, scratch);
+                let error = goal.error(&kinematics, columns, rows);
+                if refused == REFUSED || iterations >= cap {
+                    let end = if refused == REFUSED { End::Stalled } else { End::Capped };
+                    let (position, orientation) = (error.position, error.orientation);
+                    return Run { end, iterations, position, orientation, cost: last };
+                }
+                self.step(&kinematics, columns, &error.e, boost * last, q, step, held, goal);
+                iterations += 1;
+                continue;
+            }
+            let end = if converged {
                 Some(End::Converged)
-            } else if cost.is_nan() || cost > stall * history[iterations % WINDOW] {
+            } else if cost.is_nan() || cost > stall * history[accepted % WINDOW] {
                 Some(End::Stalled)
             } else if iterations >= cap {
                 Some(End::Capped)
@@ -111,18 +126,32 @@ impl Problem<'_> {
                 let (position, orientation) = (error.position, error.orientation);
                 return Run { end, iterations, position, orientation, cost };
             }
-            history[iterations % WINDOW] = cost;
-            self.step(&kinematics, columns, &error.e, cost, q, step, held, goal);
+            history[accepted % WINDOW] = cost;
+            accepted += 1;
+            if patient {
+                previous.copy_from_slice(q);
+                (last, refused) = (cost, 0);
+                boost = (boost * 0.25_f64).max(1.0);
+            }
+            self.step(&kinematics, columns, &error.e, boost * cost, q, step, held, goal);
             iterations += 1;
         }
     }
 
     /// Writes the part of `direction` that leaves the task as it is and goes into no limit.
-    pub fn project(&self, goal: &Goal<'_>, q: &[f64], memory: &mut Workspace, direction: &[f64], out: &mut [f64]) {
+    pub fn project(
+        &self,
+        goal: &Goal<'_>,
+        q: &[f64],
+        memory: &mut Workspace,
+        direction: &[f64],
+        out: &mut [f64],
+    ) {
         let Workspace { scratch, columns, rows, held, .. } = memory;
         let kinematics = self.chain.kinematics_unchecked(q, scratch);
         goal.error(&kinematics, columns, rows);
-        let at_limit = |i: usize, d: f64| (d > 0.0 && q[i] >= self.upper[i]) || (d < 0.0 && q[i] <= self.lower[i]);
+        let at_limit =
+            |i: usize, d: f64| (d > 0.0 && q[i] >= self.upper[i]) || (d < 0.0 && q[i] <= self.lower[i]);
         for i in 0..q.len() {
             held[i] = at_limit(i, direction[i]);
         }
@@ -302,18 +331,13 @@ fn solve(a: &[[f64; 6]; 6], b: &[f64; 6]) -> [f64; 6] {
 /// Weighted acceleration of the task along the step: linear `sum_i (2 w_i + z_i dq_i) x v_i dq_i`, angular
 /// `sum_i w_i x z_i dq_i`, with `w_i` the angular velocity of the joints before i and `v_i` the linear part of column i.
 #[inline(always)]
-fn acceleration(
-    kinematics: &Kinematics<'_>,
-    goal: &Goal,
-    chain: &Chain,
-    step: &[f64],
-    out: &mut [f64; 6],
-) {
+fn acceleration(kinematics: &Kinematics<'_>, goal: &Goal, chain: &Chain, step: &[f64], out: &mut [f64; 6]) {
     let mut turning = Vector3::zeros();
     let mut linear = Vector3::zeros();
     let mut angular = Vector3::zeros();
     let raw = kinematics.jacobian().as_slice().as_chunks::<6>().0;
-    for ((axis, joint), (column, dq)) in kinematics.axes().iter().zip(chain.steps()).zip(raw.iter().zip(step)) {
+    for ((axis, joint), (column, dq)) in kinematics.axes().iter().zip(chain.steps()).zip(raw.iter().zip(step))
+    {
         let v = Vector3::new(column[0], column[1], column[2]) * *dq;
         if joint.rotational {
             let own = axis * *dq;

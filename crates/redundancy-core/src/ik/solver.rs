@@ -26,9 +26,9 @@ use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
 use crate::pose::{Pose, check_pose};
-use crate::self_motion::{SrsArm, outside};
+use crate::self_motion::SrsArm;
 use crate::status::Status;
-use crate::tolerance::{IK_CRITERION, IK_RADIANS_PER_METRE};
+use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
 
 /// Most steps of one run.
 const RUN: usize = 100;
@@ -176,7 +176,13 @@ impl IkResult {
     /// An answer to be filled in, for `n` joints.
     pub fn new(n: usize) -> Self {
         let (position_error, orientation_error) = (f64::INFINITY, f64::INFINITY);
-        Self { q: vec![0.0; n], status: Status::IterationLimit, iterations: 0, position_error, orientation_error }
+        Self {
+            q: vec![0.0; n],
+            status: Status::IterationLimit,
+            iterations: 0,
+            position_error,
+            orientation_error,
+        }
     }
 
     /// What the status means here, with the numbers; empty when converged.
@@ -190,7 +196,9 @@ impl IkResult {
             Status::Converged => String::new(),
             Status::Unreachable => format!("out of reach; the nearest pose found is {miss}"),
             Status::Limits => {
-                format!("in reach only outside of the joint limits; within them the nearest pose found is {miss}")
+                format!(
+                    "in reach only outside of the joint limits; within them the nearest pose found is {miss}"
+                )
             }
             other => format!("{other} after {} iterations, {miss}", self.iterations),
         }
@@ -574,15 +582,15 @@ impl IkSolver {
     }
 
     /// Moves `result.q` along the null space of the task until the criterion is stationary, or a limit stops it.
-    fn improve(
-        &self,
-        problem: &Problem<'_>,
-        goal: &Goal<'_>,
-        memory: &mut IkMemory,
-        result: &mut IkResult,
-    ) {
+    fn improve(&self, problem: &Problem<'_>, goal: &Goal<'_>, memory: &mut IkMemory, result: &mut IkResult) {
         let Some(criterion) = self.inner.settings.criterion.as_deref() else { return };
         let sign = criterion.sense().sign();
+        // What is left of the tolerance would hide small gains.
+        let exact = Problem {
+            tol_position: IK_CRITERION_SHARE * problem.tol_position,
+            tol_orientation: IK_CRITERION_SHARE * problem.tol_orientation,
+            ..*problem
+        };
         let mut value = sign * criterion.value(&result.q);
         for _ in 0..CRITERION_STEPS {
             criterion.gradient(&result.q, &mut memory.gradient);
@@ -609,10 +617,12 @@ impl IkSolver {
                 for (i, q) in memory.q.iter_mut().enumerate() {
                     *q = (result.q[i] + length * memory.step[i]).clamp(problem.lower[i], problem.upper[i]);
                 }
-                let run = problem.run(goal, &mut memory.q, &mut memory.work, RUN, true);
+                let run = exact.run(goal, &mut memory.q, &mut memory.work, RUN, true);
                 result.iterations += run.iterations + 1;
                 let reached = sign * criterion.value(&memory.q);
-                if run.end == End::Converged && reached < value {
+                let holds =
+                    run.position <= problem.tol_position && run.orientation <= problem.tol_orientation;
+                if holds && reached < value {
                     value = reached;
                     result.q.copy_from_slice(&memory.q);
                     report(result, &run, Status::Converged);
@@ -656,12 +666,4 @@ fn nominal(goal: &Goal<'_>) -> Pose {
 fn report(result: &mut IkResult, run: &Run, status: Status) {
     (result.position_error, result.orientation_error) = (run.position, run.orientation);
     result.status = status;
-}
-
-/// Which joint of `q` is outside of its limits by how much, the worst one.
-#[allow(dead_code)]
-fn worst_joint(chain: &Chain, q: &[f64]) -> Option<(usize, f64)> {
-    let limits = chain.lower().iter().zip(chain.upper());
-    let misses = q.iter().zip(limits).map(|(q, (lo, hi))| outside(*q, *lo, *hi)).enumerate();
-    misses.max_by(|a, b| a.1.total_cmp(&b.1))
 }

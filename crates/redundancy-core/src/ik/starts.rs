@@ -161,13 +161,20 @@ impl Starts {
         let mut azimuth = 0.0;
         let turned = match &self.first {
             None => {
-                out[..3].copy_from_slice(&[point.x, point.y, if self.planar { 0.0 } else { point.z }].map(|x| (x * self.scale) as f32));
+                out[..3].copy_from_slice(
+                    &[point.x, point.y, if self.planar { 0.0 } else { point.z }]
+                        .map(|x| (x * self.scale) as f32),
+                );
                 Matrix3::identity()
             }
             Some(table) => {
                 let local = table.frame.tr_mul(&(point - table.origin));
                 let radius = (local.x * local.x + local.y * local.y).sqrt();
-                let (c, s) = if radius > f64::MIN_POSITIVE { (local.x / radius, local.y / radius) } else { (1.0, 0.0) };
+                let (c, s) = if radius > f64::MIN_POSITIVE {
+                    (local.x / radius, local.y / radius)
+                } else {
+                    (1.0, 0.0)
+                };
                 azimuth = s.atan2(c);
                 (out[0], out[1]) = ((radius * self.scale) as f32, (local.z * self.scale) as f32);
                 // Rz(-azimuth) F^T
@@ -278,4 +285,3 @@ pub(super) fn ranges(chain: &Chain) -> impl Iterator<Item = [f64; 2]> {
     let limits = chain.lower().iter().zip(chain.upper());
     limits.zip(chain.steps()).map(|((lo, hi), step)| range(*lo, *hi, step.rotational))
 }
-
