@@ -19,6 +19,7 @@ __version__: str
 class RedundancyError(ValueError): ...
 class DescriptionError(RedundancyError): ...
 class NotSrsError(RedundancyError): ...
+class NotSphericalWristError(RedundancyError): ...
 class FileFormatError(RedundancyError): ...
 
 # chain, kinematics
@@ -195,6 +196,52 @@ class Chain:
 
         Returns:
             `(4, 4)` and `(6, n)`, or `(N, 4, 4)` and `(N, 6, n)`.
+        """
+    def hessian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+        """Kinematic Hessian: how the columns of the Jacobian change, `H[:, j, k] = d J[:, j] / d q_k`.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+            threads: Threads for a batch; all cores when left out.
+
+        Returns:
+            `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
+        """
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        gravity: Sequence[float] = ...,
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Joint torques `M(q) qdd + c(q, qd) + g(q)`, rotors included, without friction.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+            qd: Velocities; a single row counts for the whole batch.
+            qdd: Accelerations; likewise.
+            gravity: m/s^2, world axes.
+            threads: Threads for a batch; all cores when left out.
+
+        Returns:
+            `(n,)` or `(N, n)`, N m (N for sliding joints).
+
+        Raises:
+            RedundancyError: No inertias in the description, wrong shapes, entries that are not finite.
+        """
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        gravity: Sequence[float] = ...,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
+
+        Returns:
+            Three `(n, n)`: row i is the torque of joint i. The last is the mass matrix, rotors included.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -421,6 +468,44 @@ def paths_raster(
     across: ArrayLike,
 ) -> Path: ...
 
+# task
+
+@final
+class Task:
+    """Which coordinates of the tool's motion count.
+
+    `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta) Rx(psi)),
+    `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
+    `planar_pose` (x, y, rotation about z). Wherever an argument `task` is taken, a name does as well.
+
+    Args:
+        name: One of the names above.
+
+    Raises:
+        RedundancyError: An unknown name; the message lists the known ones.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.Task.pointing([0, 1, 0]).dim
+        5
+    """
+
+    def __new__(cls, name: str) -> Self: ...
+    @staticmethod
+    def pointing(axis: ArrayLike | None = None) -> Task:
+        """Position and the direction of `axis` `(3,)`, given in the tool frame; z by default."""
+    @property
+    def name(self) -> str:
+        """The name of its kind."""
+    @property
+    def dim(self) -> int:
+        """How many coordinates count."""
+    @property
+    def axis(self) -> list[float]:
+        """Tool axis of `pointing`, unit length, tool frame; z for the other tasks."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+
 # criterion
 
 @disjoint_base
@@ -465,6 +550,28 @@ class JointRange(Criterion):
     """
 
     def __new__(cls, chain: Chain) -> Self: ...
+
+@final
+class Manipulability(Criterion):
+    """Distance from singularities, to maximise: `det(J J^T)` of a task, or its root.
+
+    Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. The root has none
+    where it is zero; zeros are returned there.
+
+    Args:
+        chain: The arm.
+        task: Which coordinates count, by name or as a `Task`: `"pose"`, `"pose_rpy"`, `"position"`, `"pointing"`,
+            `"planar"`, `"planar_pose"`. Metres and radians are not weighed against each other.
+        measure: `"det"` or `"sqrt"`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> h = rd.Manipulability(rd.catalog.load("planar3r"), task="planar")
+        >>> h.sense, abs(h.value([0.0, 0.0, 0.0])) < 1e-9, h.value([0.0, 1.0, 1.0]) > 1.0
+        ('maximize', True, True)
+    """
+
+    def __new__(cls, chain: Chain, task: str | Task | None = None, measure: str = "det") -> Self: ...
 
 @final
 class Posture(Criterion):
@@ -680,14 +787,106 @@ class ChoiceBatch:
 
 @final
 class SolveBatch:
-    """Result of `SrsArm.solve_batch`."""
+    """Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s."""
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """`(N, 8, 7)` in branch order; rows that are not valid are unspecified but finite."""
+        """`(N, 8, n)` in branch order, `(N, n)` for `nearest`; rows that are not valid are unspecified but finite."""
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """`(N, 8)`."""
+        """`(N, 8)`, `(N,)` for `nearest`."""
+
+# ik
+
+@final
+class SphericalWristArm:
+    """A six-joint arm with a spherical wrist and its closed-form inverse kinematics: PUMA, ABB, KUKA, Fanuc, Staubli.
+
+    The arm is recognised from its geometry alone: axes 4, 5, 6 meet at right angles, axes 2 and 3 are parallel, axis 1
+    is perpendicular to them. Base, tool, axis signs, joint zeros, shoulder, elbow and lateral offsets do not matter.
+
+    Args:
+        chain: Six turning joints.
+
+    Raises:
+        NotSphericalWristError: Which axes are wrong and by how many mm or mrad.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.SphericalWristArm(rd.catalog.load("puma560"))
+        >>> pose = arm.chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7])
+        >>> arm.solve(pose, limits=False).shape
+        (8, 6)
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Upper arm and forearm, m: axis 2 to axis 3, axis 3 to the wrist centre."""
+    @property
+    def shoulder_offset(self) -> float:
+        """Distance of axis 2 from axis 1, m."""
+    @property
+    def lateral_offset(self) -> float:
+        """Distance of the wrist centre from the plane through axis 1 perpendicular to axis 2, m."""
+    def solve(self, pose: Any, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose, `(k, 6)`, in branch order.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
+                principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
+
+        Returns:
+            `(0, 6)` when there is none: `configurations(pose).reason` says why. A wrist at its gimbal shares the sum
+            of joints 4 and 6 with joint 4 as near to 0 as the limits allow; so does joint 1 where it is free.
+        """
+    def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
+        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration over the pose within limits with the least distance to `q`, windings included.
+
+        `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
+        `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
+        they stay near `q`.
+        """
+    def configurations(self, pose: Any) -> Configurations:
+        """Every configuration over a pose within the limits; where there is none, the reason."""
+    def branch(self, q: ArrayLike) -> Any:
+        """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
+
+        Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the wrist centre is on
+        the side of axis 1 on which axis 2 passes.
+        """
+
+@final
+class Configurations:
+    """Every configuration of a `SphericalWristArm` over one pose."""
+
+    @property
+    def status(self) -> Status:
+        """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
+    @property
+    def reason(self) -> str:
+        """Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty."""
+    @property
+    def distance(self) -> float:
+        """Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Within the limits, `(k, 6)`, in branch order."""
+    @property
+    def branches(self) -> NDArray[np.int8]:
+        """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
 
 # planning
 
@@ -755,6 +954,168 @@ def plan_swivel(
 
     Raises:
         RedundancyError: A setting out of its range, a path without orientations.
+    """
+
+# painting
+
+@final
+class OrientationRule:
+    """A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
+
+    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`.
+    """
+
+    def __new__(
+        cls,
+        kind: str,
+        *,
+        angle: float | None = None,
+        spin: str = "pointing",
+        beta: float | None = None,
+        alpha: float | None = None,
+        k_err: float | None = None,
+        k_tcp: float | None = None,
+        distance: float | None = None,
+        gamma: float | None = None,
+        k_x: float | None = None,
+        orientation: ArrayLike | None = None,
+        center: Sequence[float] | None = None,
+        half_extents: Sequence[float] | None = None,
+        radius: float | None = None,
+    ) -> Self: ...
+    def __call__(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """Orientations of positions.
+
+        Raises:
+            RedundancyError: A position that is not finite, cones that miss each other (row and angle are named).
+        """
+    @property
+    def kind(self) -> str:
+        """Name of the rule."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class MaxSpeed:
+    """The largest constant tool speed over a path, and what stops a larger one."""
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+    @property
+    def limiting_joint(self) -> int:
+        """Index of the joint that allows no more."""
+    @property
+    def limiting_joint_name(self) -> str:
+        """Its name."""
+    @property
+    def limit(self) -> str:
+        """`"torque"` or `"velocity"`."""
+    @property
+    def at(self) -> int:
+        """The path point where that happens, from 0."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(N, n)`, rad."""
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Joint torques `(N, n)` at `speed`, N m; zeros for a chain without inertias."""
+    @property
+    def point_speeds(self) -> NDArray[np.float64]:
+        """Largest constant speed `(N,)` that each point would allow on its own, m/s."""
+    @staticmethod
+    def _from_parts(
+        at: tuple[float, int, bool, int],
+        q: list[float],
+        torques: list[float],
+        point_speeds: list[float],
+        joint_name: str,
+    ) -> MaxSpeed: ...
+
+def max_speed(
+    chain: Chain,
+    path: Path,
+    orientation_rule: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    q: ArrayLike | None = None,
+    q0: ArrayLike | None = None,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    *,
+    gravity: Sequence[float] = ...,
+    joint_limits: bool = True,
+) -> MaxSpeed:
+    """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+
+    Args:
+        chain: The arm.
+        path: Positions with `orientation_rule`, poses without.
+        orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
+            `(N, 3, 3)`.
+        q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
+        q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+        joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+
+    Raises:
+        RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
+            gravity asks for (joint and point), no inertias, no limit, no length.
+    """
+
+@final
+class SpeedProfile:
+    """A motion over a path whose tool speed changes."""
+
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc length `(N,)`, m."""
+    @property
+    def speed(self) -> NDArray[np.float64]:
+        """Tool speed `(N,)`, m/s."""
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Along the path from each point to the next `(N,)`, m/s^2."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Time `(N,)`, s."""
+    @property
+    def duration(self) -> float:
+        """Time of the whole path, s."""
+    @staticmethod
+    def _from_parts(
+        s: list[float], speed: list[float], acceleration: list[float], t: list[float]
+    ) -> SpeedProfile: ...
+
+def fastest_profile(
+    chain: Chain,
+    path: Path,
+    q: ArrayLike,
+    *,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    gravity: Sequence[float] = ...,
+) -> SpeedProfile:
+    """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+
+    Args:
+        chain: The arm.
+        path: The path; only its arc lengths count.
+        q: Joint positions `(N, n)`, one row per path point.
+        start_speed: Tool speed at the start, m/s.
+        end_speed: Tool speed at the end, m/s.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+
+    Raises:
+        RedundancyError: As `max_speed`; a speed at an end that cannot be held.
     """
 
 # rotation

@@ -52,6 +52,10 @@ def as_pinocchio(chain: rd.Chain) -> Any:
         last = se3(offset)
         at = se3(description.base) * last if before == 0 else last
         model.addFrame(pin.Frame(f"link {name}", ids[before], at, pin.FrameType.OP_FRAME))
+    for joint, (mass, center, tensor, rotor) in zip(ids[1:], description.inertias or [], strict=False):
+        body = pin.Inertia(mass, np.array(center), np.array(tensor).reshape(3, 3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        model.armature[model.idx_vs[joint]] = rotor
     model.addFrame(pin.Frame("tool", ids[-1], last * se3(description.tool), pin.FrameType.OP_FRAME))
     return model
 

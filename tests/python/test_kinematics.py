@@ -1,5 +1,6 @@
 """Pose and Jacobian: agreement with pinocchio, batches, what is accepted and what is refused."""
 
+import pickle
 import subprocess
 import sys
 
@@ -47,6 +48,39 @@ def test_jacobian_against_central_differences(name: str) -> None:
             2 * h
         )
         assert np.abs(jacobian - np.hstack([linear, angular]).T).max() < 5e-9
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_hessian_agrees_with_pinocchio(name: str) -> None:
+    # Pinocchio: d (J qd) / dq = the derivative of the frame's velocity, for each unit qd.
+    chain = rd.catalog.load(name)
+    model = as_pinocchio(chain)
+    data = model.createData()
+    tool = model.getFrameId("tool")
+    for q in random_q(chain, seed=4, n=20):
+        hessian = chain.hessian(q)
+        for k in range(chain.dof):
+            pin.computeForwardKinematicsDerivatives(model, data, q, np.eye(chain.dof)[k], np.zeros(chain.dof))
+            pin.computeJointJacobiansTimeVariation(model, data, q, np.eye(chain.dof)[k])
+            pin.updateFramePlacements(model, data)
+            rate = pin.getFrameJacobianTimeVariation(model, data, tool, pin.LOCAL_WORLD_ALIGNED)
+            assert np.abs(hessian[:, :, k] - rate).max() < 1e-11
+    many = random_q(chain, seed=5, n=300)
+    assert np.array_equal(chain.hessian(many)[7], chain.hessian(many[7]))
+
+
+def test_tasks() -> None:
+    assert [rd.Task(name).dim for name in ("pose", "pose_rpy", "position", "pointing", "planar", "planar_pose")] == [
+        6, 6, 3, 5, 2, 3,
+    ]  # fmt: skip
+    tilted = rd.Task.pointing([0.0, 3.0, 4.0])
+    assert np.allclose(tilted.axis, [0.0, 0.6, 0.8]) and tilted.name == "pointing"
+    assert tilted != rd.Task("pointing") == rd.Task.pointing()
+    for task in (tilted, rd.Task("pose_rpy")):
+        again = pickle.loads(pickle.dumps(task))
+        assert again == task and hash(again) == hash(task) and repr(again) == repr(task)
+    with pytest.raises(rd.RedundancyError, match="unknown task 'tcp', expected one of: pose, "):
+        rd.Task("tcp")
 
 
 def test_a_batch_is_many_single_calls() -> None:

@@ -19,6 +19,7 @@
 
 pub mod chain;
 pub mod criterion;
+pub mod ik;
 pub mod kinematics;
 pub mod path;
 pub mod planning;

@@ -81,7 +81,8 @@ pub const SINUSOID_TANGENT: f64 = 1e-14;
 pub const GIMBAL_NEAR: f64 = 1e-9;
 
 /// Sine of the middle angle at its extremum that counts as a passage through the gimbal: the outer joints would
-/// turn by pi within a swivel of this size.
+/// turn by pi within a swivel of this size. In a wrist of a six-joint arm: below it the outer joints may share their sum
+/// freely, which moves the pose by no more than this.
 pub const GIMBAL_PASSAGE: f64 = 1e-12;
 
 /// What may be left between the best value found over a circle of solutions and its proven lower bound, relative to
@@ -219,3 +220,27 @@ pub const ROOT_SERIES: f64 = 1e-4;
 /// Swivels (rad) this near to each other at which limits are met may be one touching point: the double root of a tangent
 /// is resolved to the root of the rounding error, some 1e-8.
 pub const LIMITS_MEET: f64 = 1e-6;
+
+/// Least cosine of theta that the rates of roll-pitch-yaw are divided by: nearer to the singularity of these angles
+/// the rates are wrong, but finite.
+pub const RPY_COSINE: f64 = 1e-6;
+
+/// Pose error (m, rad) before a Newton step along a path after which the next one would only move rounding: its square.
+pub const LINE_RESIDUAL: f64 = 1e-8;
+
+/// Ratio of the pivots of `J J^T` (rooted) below which a configuration on a path is singular: six digits of the joint
+/// step would be left, none of its second derivative.
+pub const LINE_SINGULAR: f64 = 1e-6;
+
+/// Joint difference (rad) modulo turns below which two configurations over a pose are the same one.
+pub const SAME_LINE: f64 = 1e-6;
+
+/// Pose error (m, rad) below which plain Newton takes over from damped steps.
+pub const START_NEAR: f64 = 1e-2;
+
+/// Share of a torque limit that gravity may take before the limit counts as used up: above it no speed is left.
+pub const TORQUE_LEFT: f64 = 1e-9;
+
+/// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
+/// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
+pub const MANIPULABILITY_PIVOT: f64 = 1e-13;

@@ -1,5 +1,6 @@
 //! `Chain` and `catalog`: the arm and its kinematics.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
@@ -10,16 +11,19 @@ use pyo3::types::{PySequence, PyTuple, PyType};
 use redundancy_core::chain::{
     Chain, ChainBuilder, DhConvention, DhRow, Inertia, JointKind, Limits, MissingLimits, catalog,
 };
-use redundancy_core::kinematics::Scratch;
-use redundancy_core::nalgebra::{Matrix3, Vector3};
+use redundancy_core::kinematics::{DynamicsScratch, Scratch, TorqueDerivatives};
+use redundancy_core::nalgebra::{DMatrix, Matrix3, Vector3};
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
 use crate::batch::in_blocks;
-use crate::convert::{Fresh, Rows, pose_to_array, read_array, read_pose, read_rows, read_vector};
+use crate::convert::{Fresh, Rows, pose_to_array, read_array, read_pose, read_rows, read_vector, to_array};
 use crate::error::to_py;
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 16_384;
+
+/// m/s^2, world axes.
+pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
 /// An arm: joints from base to tip, limits, base and tool. Immutable.
 #[pyclass(name = "Chain", module = "redundancy", frozen, eq)]
@@ -356,6 +360,92 @@ impl PyChain {
         )
     }
 
+    /// Kinematic Hessian at `q`.
+    #[pyo3(signature = (q, *, threads=None))]
+    fn hessian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (chain, dof) = (&self.chain, self.chain.dof());
+        let size = 6 * dof * dof;
+        self.dispatch(
+            q,
+            |q| {
+                let mut out = Fresh::new(py, [6, dof, dof]);
+                let memory = out.memory()?;
+                self.with_scratch(|scratch| {
+                    chain.kinematics(q, scratch).map(|k| k.write_hessian(memory)).map_err(to_py)
+                })?;
+                Ok(out.finish().into_any())
+            },
+            |q, n| {
+                let mut hessians = Fresh::new(py, [n, 6, dof, dof]);
+                let out = hessians.memory()?;
+                in_blocks(py, n, BLOCK, threads, |rows| {
+                    let q = &q[rows.start * dof..rows.end * dof];
+                    chain.hessian_batch(q, &mut out[rows.start * size..rows.end * size])
+                })?;
+                Ok(hessians.finish().into_any())
+            },
+        )
+    }
+
+    /// Joint torques for a motion.
+    #[pyo3(signature = (q, qd, qdd, gravity=STANDARD_GRAVITY, *, threads=None))]
+    fn inverse_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        qdd: &Bound<'py, PyAny>,
+        gravity: [f64; 3],
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (chain, dof, gravity) = (&self.chain, self.chain.dof(), Vector3::from(gravity));
+        let rows = [read_rows(q, "q", &[dof])?, read_rows(qd, "qd", &[dof])?, read_rows(qdd, "qdd", &[dof])?];
+        let Some(n) = rows.iter().find_map(|r| r.batch) else {
+            let mut out = Fresh::new(py, [dof]);
+            let (memory, mut scratch) = (out.memory()?, DynamicsScratch::new(chain));
+            let [q, qd, qdd] = [rows[0].as_slice()?, rows[1].as_slice()?, rows[2].as_slice()?];
+            chain.inverse_dynamics(q, qd, qdd, &gravity, &mut scratch, memory).map_err(to_py)?;
+            return Ok(out.finish().into_any());
+        };
+        let [q, qd, qdd] =
+            [repeated(&rows[0], "q", n)?, repeated(&rows[1], "qd", n)?, repeated(&rows[2], "qdd", n)?];
+        let mut out = Fresh::new(py, [n, dof]);
+        let memory = out.memory()?;
+        in_blocks(py, n, BLOCK, threads, |rows| {
+            let part = rows.start * dof..rows.end * dof;
+            let memory = &mut memory[part.clone()];
+            chain.inverse_dynamics_batch(&q[part.clone()], &qd[part.clone()], &qdd[part], &gravity, memory)
+        })?;
+        Ok(out.finish().into_any())
+    }
+
+    /// Derivatives of the joint torques.
+    #[pyo3(signature = (q, qd, qdd, gravity=STANDARD_GRAVITY))]
+    fn inverse_dynamics_derivatives<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        qdd: &Bound<'py, PyAny>,
+        gravity: [f64; 3],
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let dof = self.chain.dof();
+        let q = read_vector(q, "q", Some(dof))?;
+        let (qd, qdd) = (read_vector(qd, "qd", Some(dof))?, read_vector(qdd, "qdd", Some(dof))?);
+        let (mut scratch, mut out) = (DynamicsScratch::new(&self.chain), TorqueDerivatives::new(dof));
+        let gravity = Vector3::from(gravity);
+        let done = self.chain.inverse_dynamics_derivatives(&q, &qd, &qdd, &gravity, &mut scratch, &mut out);
+        done.map_err(to_py)?;
+        // Column by column here, row by row in numpy.
+        let array = |m: DMatrix<f64>| to_array(py, m.transpose().as_slice(), [dof, dof]);
+        Ok((array(out.q)?, array(out.qd)?, array(out.qdd)?))
+    }
+
     fn __repr__(&self) -> String {
         let joints: Vec<String> =
             self.chain.joints().iter().map(|j| format!("{} {}", j.kind.as_str(), j.name)).collect();
@@ -445,6 +535,16 @@ impl Parts {
         }
         let pose = |m: &[f64; 16]| -> redundancy_core::Result<Pose> { pose_from_row_major(m) };
         builder.base(pose(&base)?).tool(pose(&tool)?).build()
+    }
+}
+
+/// The rows of a batch of `n`; a single row counts for all.
+fn repeated<'a>(rows: &'a Rows<'_>, what: &str, n: usize) -> PyResult<Cow<'a, [f64]>> {
+    let values = rows.as_slice()?;
+    match rows.batch {
+        None => Ok(Cow::Owned(values.repeat(n))),
+        Some(count) if count == n => Ok(Cow::Borrowed(values)),
+        Some(actual) => Err(to_py(Error::Length { what: format!("{what} (rows)"), expected: n, actual })),
     }
 }
 

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
+use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Measure, Posture, Weighted};
+use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::DMatrix;
 
 use crate::chain::PyChain;
 use crate::convert::{read_rows, read_vector, to_array};
 use crate::error::to_py;
+use crate::task::{PyTask, read_task};
 
 /// A scalar function of the configuration. Sums and multiples of criteria are criteria.
 #[pyclass(name = "Criterion", module = "redundancy", frozen, subclass)]
@@ -167,6 +169,36 @@ impl PyPosture {
         let criterion = Posture::weighted(&reference, &weights).map_err(to_py)?;
         let text = format!("Posture({}, q_ref={reference:?})", chain.get().chain.name());
         let arguments = (chain, reference, weights).into_pyobject(py)?.into_any();
+        let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// Manipulability of a task, `det(J J^T)` or its root, to maximise.
+#[pyclass(name = "Manipulability", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyManipulability;
+
+#[pymethods]
+impl PyManipulability {
+    #[new]
+    #[pyo3(signature = (chain, task=None, measure="det"))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        task: Option<&Bound<'_, PyAny>>,
+        measure: &str,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let task = task.map_or(Ok(Task::POSE), read_task)?;
+        let measure = Measure::from_name(measure).map_err(to_py)?;
+        let criterion = Manipulability::with_measure(&chain.get().chain, task, measure);
+        let task = Bound::new(py, PyTask { task })?;
+        let text = format!(
+            "Manipulability({}, task={}, measure='{}')",
+            chain.get().chain.name(),
+            task.repr()?,
+            measure.as_str()
+        );
+        let arguments = (chain, task, measure.as_str()).into_pyobject(py)?.into_any();
         let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;
         Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
     }

@@ -7,11 +7,14 @@ mod chain;
 mod convert;
 mod criterion;
 mod error;
+mod ik;
 mod path;
 mod planning;
 mod rotation;
 mod self_motion;
+mod speed;
 mod status;
+mod task;
 
 #[pymodule]
 mod _core {
@@ -20,7 +23,9 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyPosture};
+    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
+    #[pymodule_export]
+    use ik::{PyConfigurations, PySphericalWristArm};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
@@ -32,6 +37,10 @@ mod _core {
     };
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
+    #[pymodule_export]
+    use task::PyTask;
 
     #[pymodule_export]
     use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};

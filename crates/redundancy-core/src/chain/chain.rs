@@ -35,6 +35,7 @@ struct Inner {
     base: Pose,
     tool: Pose,
     steps: Vec<Step>,
+    bodies: Option<Vec<Body>>,
     end: (Matrix3<f64>, Vector3<f64>),
     lower: Vec<f64>,
     upper: Vec<f64>,
@@ -62,6 +63,18 @@ pub(crate) struct Step {
     pub rotational: bool,
 }
 
+/// Mass properties of the body after a joint in compiled form: about the origin of the frame whose z is the joint axis.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Body {
+    pub mass: f64,
+    /// Mass times centre of mass.
+    pub moment: Vector3<f64>,
+    /// Second moment `int x x^T dm`; the inertia tensor is `trace(second) 1 - second`.
+    pub second: Matrix3<f64>,
+    /// Inertia of the rotor seen at the joint.
+    pub rotor: f64,
+}
+
 impl Chain {
     /// Only for [`ChainBuilder::build`](super::ChainBuilder::build), which has validated everything.
     pub(super) fn assemble(
@@ -80,6 +93,7 @@ impl Chain {
             base,
             tool,
             steps: Vec::new(),
+            bodies: None,
             end: (Matrix3::identity(), Vector3::zeros()),
             lower: Vec::new(),
             upper: Vec::new(),
@@ -207,6 +221,11 @@ impl Chain {
         &self.inner.steps
     }
 
+    /// Compiled mass properties, one per joint.
+    pub(crate) fn bodies(&self) -> Option<&[Body]> {
+        self.inner.bodies.as_deref()
+    }
+
     /// Transform from the frame after the last step to the tool.
     pub(crate) fn end(&self) -> (&Matrix3<f64>, &Vector3<f64>) {
         (&self.inner.end.0, &self.inner.end.1)
@@ -237,6 +256,19 @@ impl Inner {
             });
             carry = pose(to_z.transpose(), Vector3::zeros());
         }
+        let body = |(joint, inertia): (&Joint, &Inertia)| {
+            let to_z = axis_onto_z(&joint.axis);
+            let center = to_z.tr_mul(&inertia.center_of_mass);
+            let tensor = to_z.tr_mul(&inertia.tensor) * to_z;
+            let second = Matrix3::identity() * (0.5 * tensor.trace()) - tensor;
+            Body {
+                mass: inertia.mass,
+                moment: center * inertia.mass,
+                second: second + center * center.transpose() * inertia.mass,
+                rotor: inertia.rotor,
+            }
+        };
+        self.bodies = self.inertias.as_ref().map(|list| self.joints.iter().zip(list).map(body).collect());
         let tip = self.links.last().map_or_else(Pose::identity, |l| l.offset);
         let end = carry * tip * self.tool;
         self.end = (*end.rotation.matrix(), end.translation.vector);

@@ -19,4 +19,4 @@ pub use dh::{DhConvention, DhRow};
 pub use joint::{Inertia, Joint, JointKind, Limits};
 pub use urdf::MissingLimits;
 
-pub(crate) use chain::{Step, axis_onto_z};
+pub(crate) use chain::{Body, Step, axis_onto_z};

@@ -1,16 +1,20 @@
 //! What to do with the freedom: h(q), its gradient and its Hessian.
 
 mod joint_range;
+mod manipulability;
 mod posture;
 mod weighted;
 
 pub use joint_range::JointRange;
+pub use manipulability::{Manipulability, Measure};
 pub use posture::Posture;
 pub use weighted::Weighted;
 
 use nalgebra::DMatrix;
 
+use crate::chain::Chain;
 use crate::error::{Error, Result};
+use crate::kinematics::Kinematics;
 
 /// Whether a criterion is to be small or large.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,6 +79,18 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
 
     /// Writes dh/dq to `out` (n).
     fn gradient(&self, q: &[f64], out: &mut [f64]);
+
+    /// The chain whose kinematics it is a function of; `None` for functions of the joints alone.
+    fn chain(&self) -> Option<&Chain> {
+        None
+    }
+
+    /// Writes dh/dq to `out` (n) in a control step: `kinematics` are those of [`Criterion::chain`] at `q`, so that
+    /// nothing is computed twice and nothing allocated. Callers whose chain is another one call `gradient`.
+    fn gradient_at(&self, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
+        let _ = kinematics;
+        self.gradient(q, out);
+    }
 
     /// Writes d2h/dq2 to `out` (n, n).
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>);

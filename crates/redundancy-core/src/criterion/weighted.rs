@@ -5,7 +5,12 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::{Criterion, JointSpring, Sense};
+use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
+use crate::kinematics::Kinematics;
+
+/// Joints up to which the gradient of a term lies on the stack: more than any arm has.
+const STACK_JOINTS: usize = 16;
 
 /// `sum_k factor_k h_k`; all terms have the sense of the whole.
 #[derive(Debug, Clone)]
@@ -49,6 +54,27 @@ impl Weighted {
     }
 }
 
+impl Weighted {
+    /// The weighted sum of what `write` writes for each term.
+    fn add_up(&self, out: &mut [f64], write: impl Fn(&dyn Criterion, &mut [f64])) {
+        let (mut stack, mut heap) = ([0.0; STACK_JOINTS], Vec::new());
+        let one = match stack.get_mut(..self.dof) {
+            Some(one) => one,
+            None => {
+                heap.resize(self.dof, 0.0);
+                &mut heap[..]
+            }
+        };
+        out.fill(0.0);
+        for (factor, h) in &self.terms {
+            write(&**h, one);
+            for (out, g) in out.iter_mut().zip(&*one) {
+                *out += factor * g;
+            }
+        }
+    }
+}
+
 impl Criterion for Weighted {
     fn dof(&self) -> usize {
         self.dof
@@ -63,14 +89,18 @@ impl Criterion for Weighted {
     }
 
     fn gradient(&self, q: &[f64], out: &mut [f64]) {
-        let mut one = vec![0.0; self.dof];
-        out.fill(0.0);
-        for (factor, h) in &self.terms {
-            h.gradient(q, &mut one);
-            for (out, g) in out.iter_mut().zip(&one) {
-                *out += factor * g;
-            }
-        }
+        self.add_up(out, |h, one| h.gradient(q, one));
+    }
+
+    /// The chain of its terms, where those that have one have the same.
+    fn chain(&self) -> Option<&Chain> {
+        let mut chains = self.terms.iter().filter_map(|(_, h)| h.chain());
+        let first = chains.next()?;
+        chains.all(|other| other == first).then_some(first)
+    }
+
+    fn gradient_at(&self, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
+        self.add_up(out, |h, one| h.gradient_at(q, kinematics, one));
     }
 
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {

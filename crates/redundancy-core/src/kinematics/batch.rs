@@ -82,6 +82,23 @@ impl Chain {
         Ok(())
     }
 
+    /// Kinematic Hessians at `N` configurations: `hessians` gets `N * 6 * dof * dof` numbers, laid out as in
+    /// [`Kinematics::write_hessian`](super::Kinematics::write_hessian).
+    ///
+    /// # Errors
+    /// Lengths that do not fit, or an entry of `q` that is not finite.
+    pub fn hessian_batch(&self, q: &[f64], hessians: &mut [f64]) -> Result<()> {
+        let rows = self.check_batch(q)?;
+        let size = 6 * self.dof() * self.dof();
+        check_length("hessians", hessians, rows * size)?;
+        let rows = q.par_chunks_exact(self.dof()).zip(hessians.par_chunks_exact_mut(size));
+        rows.with_min_len(ROWS_PER_TASK).for_each_init(
+            || Scratch::new(self),
+            |scratch, (q, hessian)| self.kinematics_unchecked(q, scratch).write_hessian(hessian),
+        );
+        Ok(())
+    }
+
     /// Checks the rows of a batch and counts them.
     pub(crate) fn check_batch(&self, q: &[f64]) -> Result<usize> {
         if !q.len().is_multiple_of(self.dof()) {

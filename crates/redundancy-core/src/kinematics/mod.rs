@@ -1,9 +1,14 @@
-//! From joint positions to poses and Jacobians, for any number of joints.
+//! From joint positions to poses, Jacobians, Hessians and torques, for any number of joints, and the tasks that count them.
 
 mod batch;
 mod forward;
+mod hessian;
+mod inverse_dynamics;
 mod jacobian;
 mod scratch;
+mod task;
 mod trigonometry;
 
+pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use scratch::{Kinematics, Scratch};
+pub use task::{Task, TaskError, TaskKind, rotation_vector};

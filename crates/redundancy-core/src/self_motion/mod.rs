@@ -19,3 +19,10 @@ pub use circle::{Branch, SelfMotion};
 pub use geometry::Defect;
 pub use optimum::Choice;
 pub use srs::{SrsArm, Swivel};
+
+// What the closed form of arms with a spherical wrist shares with this one.
+pub(crate) use batch::at;
+pub(crate) use circle::outside;
+pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
+pub(crate) use optimum::nearest_winding;
+pub(crate) use srs::{opposite, principal, signs, within};

@@ -809,6 +809,11 @@ fn joints(row: &Row) -> [f64; 7] {
     std::array::from_fn(|i| row[i])
 }
 
+/// The winding of `q` within the limits that is nearest to `center`.
+pub(crate) fn nearest_winding(q: f64, center: f64, lower: f64, upper: f64) -> Option<f64> {
+    within(q + TAU * turns(center - q), lower, upper)
+}
+
 struct Span {
     /// Least distance from the centre to any winding of the span within the limits.
     distance: f64,
