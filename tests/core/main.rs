@@ -13,6 +13,7 @@ mod kinematics;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
 mod support;
 mod task;

@@ -227,3 +227,17 @@ pub const RPY_COSINE: f64 = 1e-6;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Squared sine of the angle between two segments below which they count as parallel: the place of the nearest points
+/// of their lines is then decided by rounding, their distance is not.
+pub const SEGMENT_PARALLEL: f64 = 1e-14;
+
+/// Terms of a soft minimum that are this many smoothing widths further than the least are left out: `exp(-40)` is 4e-18.
+pub const SOFT_MINIMUM_REST: f64 = 40.0;
+
+/// Step (rad or m) of the differences of the clearance's gradient: a thousandth of the smoothing width at arm's length,
+/// where truncation (its square over the cube of the width) and rounding (1e-15 over it) balance.
+pub const CLEARANCE_DIFFERENCE: f64 = 2e-6;
+
+/// Distance (m) between neighbouring joints below which no link is between them.
+pub const LINK_LENGTH: f64 = 1e-9;

@@ -10,6 +10,7 @@ mod error;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
 mod status;
 mod task;
@@ -21,7 +22,7 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
+    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
@@ -31,6 +32,8 @@ mod _core {
         quaternion_from_zyz, quaternion_shortest_arc, quaternion_swing_twist, quaternion_to_rpy,
         quaternion_to_xyz, quaternion_to_zyz,
     };
+    #[pymodule_export]
+    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]
