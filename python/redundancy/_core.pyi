@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
-from redundancy.status import EventKind, Status
+from redundancy.status import EventKind, Kind, Status
 
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
 _Pose: TypeAlias = Any
@@ -19,6 +19,7 @@ __version__: str
 class RedundancyError(ValueError): ...
 class DescriptionError(RedundancyError): ...
 class NotSrsError(RedundancyError): ...
+class NotSphericalWristError(RedundancyError): ...
 class FileFormatError(RedundancyError): ...
 
 # chain, kinematics
@@ -211,7 +212,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
@@ -235,7 +236,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
 
@@ -972,14 +973,106 @@ class ChoiceBatch:
 
 @final
 class SolveBatch:
-    """Result of `SrsArm.solve_batch`."""
+    """Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s."""
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """`(N, 8, 7)` in branch order; rows that are not valid are unspecified but finite."""
+        """`(N, 8, n)` in branch order, `(N, n)` for `nearest`; rows that are not valid are unspecified but finite."""
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """`(N, 8)`."""
+        """`(N, 8)`, `(N,)` for `nearest`."""
+
+# ik
+
+@final
+class SphericalWristArm:
+    """A six-joint arm with a spherical wrist and its closed-form inverse kinematics: PUMA, ABB, KUKA, Fanuc, Staubli.
+
+    The arm is recognised from its geometry alone: axes 4, 5, 6 meet at right angles, axes 2 and 3 are parallel, axis 1
+    is perpendicular to them. Base, tool, axis signs, joint zeros, shoulder, elbow and lateral offsets do not matter.
+
+    Args:
+        chain: Six turning joints.
+
+    Raises:
+        NotSphericalWristError: Which axes are wrong and by how many mm or mrad.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.SphericalWristArm(rd.catalog.load("puma560"))
+        >>> pose = arm.chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7])
+        >>> arm.solve(pose, limits=False).shape
+        (8, 6)
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Upper arm and forearm, m: axis 2 to axis 3, axis 3 to the wrist centre."""
+    @property
+    def shoulder_offset(self) -> float:
+        """Distance of axis 2 from axis 1, m."""
+    @property
+    def lateral_offset(self) -> float:
+        """Distance of the wrist centre from the plane through axis 1 perpendicular to axis 2, m."""
+    def solve(self, pose: Any, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose, `(k, 6)`, in branch order.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
+                principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
+
+        Returns:
+            `(0, 6)` when there is none: `configurations(pose).reason` says why. A wrist at its gimbal shares the sum
+            of joints 4 and 6 with joint 4 as near to 0 as the limits allow; so does joint 1 where it is free.
+        """
+    def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
+        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration over the pose within limits with the least distance to `q`, windings included.
+
+        `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
+        `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
+        they stay near `q`.
+        """
+    def configurations(self, pose: Any) -> Configurations:
+        """Every configuration over a pose within the limits; where there is none, the reason."""
+    def branch(self, q: ArrayLike) -> Any:
+        """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
+
+        Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the wrist centre is on
+        the side of axis 1 on which axis 2 passes.
+        """
+
+@final
+class Configurations:
+    """Every configuration of a `SphericalWristArm` over one pose."""
+
+    @property
+    def status(self) -> Status:
+        """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
+    @property
+    def reason(self) -> str:
+        """Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty."""
+    @property
+    def distance(self) -> float:
+        """Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Within the limits, `(k, 6)`, in branch order."""
+    @property
+    def branches(self) -> NDArray[np.int8]:
+        """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
 
 # planning
 
@@ -1047,6 +1140,168 @@ def plan_swivel(
 
     Raises:
         RedundancyError: A setting out of its range, a path without orientations.
+    """
+
+# painting
+
+@final
+class OrientationRule:
+    """A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
+
+    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`.
+    """
+
+    def __new__(
+        cls,
+        kind: str,
+        *,
+        angle: float | None = None,
+        spin: str = "pointing",
+        beta: float | None = None,
+        alpha: float | None = None,
+        k_err: float | None = None,
+        k_tcp: float | None = None,
+        distance: float | None = None,
+        gamma: float | None = None,
+        k_x: float | None = None,
+        orientation: ArrayLike | None = None,
+        center: Sequence[float] | None = None,
+        half_extents: Sequence[float] | None = None,
+        radius: float | None = None,
+    ) -> Self: ...
+    def __call__(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """Orientations of positions.
+
+        Raises:
+            RedundancyError: A position that is not finite, cones that miss each other (row and angle are named).
+        """
+    @property
+    def kind(self) -> str:
+        """Name of the rule."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class MaxSpeed:
+    """The largest constant tool speed over a path, and what stops a larger one."""
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+    @property
+    def limiting_joint(self) -> int:
+        """Index of the joint that allows no more."""
+    @property
+    def limiting_joint_name(self) -> str:
+        """Its name."""
+    @property
+    def limit(self) -> str:
+        """`"torque"` or `"velocity"`."""
+    @property
+    def at(self) -> int:
+        """The path point where that happens, from 0."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(N, n)`, rad."""
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Joint torques `(N, n)` at `speed`, N m; zeros for a chain without inertias."""
+    @property
+    def point_speeds(self) -> NDArray[np.float64]:
+        """Largest constant speed `(N,)` that each point would allow on its own, m/s."""
+    @staticmethod
+    def _from_parts(
+        at: tuple[float, int, bool, int],
+        q: list[float],
+        torques: list[float],
+        point_speeds: list[float],
+        joint_name: str,
+    ) -> MaxSpeed: ...
+
+def max_speed(
+    chain: Chain,
+    path: Path,
+    orientation_rule: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    q: ArrayLike | None = None,
+    q0: ArrayLike | None = None,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    *,
+    gravity: Sequence[float] = ...,
+    joint_limits: bool = True,
+) -> MaxSpeed:
+    """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+
+    Args:
+        chain: The arm.
+        path: Positions with `orientation_rule`, poses without.
+        orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
+            `(N, 3, 3)`.
+        q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
+        q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+        joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+
+    Raises:
+        RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
+            gravity asks for (joint and point), no inertias, no limit, no length.
+    """
+
+@final
+class SpeedProfile:
+    """A motion over a path whose tool speed changes."""
+
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc length `(N,)`, m."""
+    @property
+    def speed(self) -> NDArray[np.float64]:
+        """Tool speed `(N,)`, m/s."""
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Along the path from each point to the next `(N,)`, m/s^2."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Time `(N,)`, s."""
+    @property
+    def duration(self) -> float:
+        """Time of the whole path, s."""
+    @staticmethod
+    def _from_parts(
+        s: list[float], speed: list[float], acceleration: list[float], t: list[float]
+    ) -> SpeedProfile: ...
+
+def fastest_profile(
+    chain: Chain,
+    path: Path,
+    q: ArrayLike,
+    *,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    gravity: Sequence[float] = ...,
+) -> SpeedProfile:
+    """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+
+    Args:
+        chain: The arm.
+        path: The path; only its arc lengths count.
+        q: Joint positions `(N, n)`, one row per path point.
+        start_speed: Tool speed at the start, m/s.
+        end_speed: Tool speed at the end, m/s.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+
+    Raises:
+        RedundancyError: As `max_speed`; a speed at an end that cannot be held.
     """
 
 # rotation
@@ -1452,3 +1707,185 @@ def quaternion_error(start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
 
 def quaternion_angle(a: ArrayLike, b: ArrayLike) -> float:
     """Angle, rad in [0, pi], of the rotation between two orientations."""
+
+# Optimum: what kind it is, and where it breaks -------------------------------------------------------------------
+
+@final
+class Classification:
+    """What a configuration is to a criterion among the configurations with the same task value.
+
+    Pickles.
+    """
+
+    @property
+    def kind(self) -> Kind:
+        """`maximum`, `minimum`, `saddle`, `degenerate`, `not_critical` or `kinematic_singularity`."""
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """`(r,)`: eigenvalues of the reduced Hessian on an orthonormal null-space basis, ascending.
+
+        All negative: a maximum; all positive: a minimum; both signs: a saddle; one zero: degenerate, an algorithmic
+        singularity. At a point that is not critical they are the second derivatives of h along the self-motion.
+        """
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """`(m,)`: Lagrange multipliers `(J J^T)^-1 J grad h`."""
+
+    @property
+    def residual(self) -> float:
+        """`|N^T grad h|` with an orthonormal null-space basis N: the slope of h along the self-motion."""
+
+    @property
+    def sigma_min(self) -> float:
+        """Smallest singular value of the task Jacobian."""
+
+    @classmethod
+    def _from_parts(
+        cls, kind: str, eigenvalues: list[float], multipliers: list[float], residual: float, sigma_min: float
+    ) -> Classification: ...
+
+@overload
+def classify(
+    chain: Chain, q: list[float] | tuple[float, ...], criterion: Criterion, task: str | Task | None = None
+) -> Classification: ...
+@overload
+def classify(chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None) -> Any:
+    """What `q` is to `criterion` among the configurations with the same task value.
+
+    With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
+    `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
+    at critical points]. Any chain, task and degree of redundancy.
+
+    Args:
+        chain: The arm.
+        q: `(n,)`, or `(N, n)` for a list of results.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> near = rd.Posture(arm, [0.3, 0.5, 0.7])
+        >>> str(rd.classify(arm, [0.3, 0.5, 0.7], near, task="planar").kind)
+        'minimum'
+    """
+
+@final
+class CriticalPoint:
+    """A critical point of a criterion over a pose. Pickles."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(n,)`: revolute joints in principal values, unless that breaks a limit and another winding does not."""
+
+    @property
+    def value(self) -> float:
+        """h(q)."""
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether all joint limits hold."""
+
+    @property
+    def kind(self) -> Kind:
+        """`maximum`, `minimum`, `saddle` or `degenerate`."""
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """`(r,)`, as of `Classification`."""
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """`(m,)`, as of `Classification`."""
+
+    @property
+    def residual(self) -> float:
+        """As of `Classification`."""
+
+    @property
+    def sigma_min(self) -> float:
+        """As of `Classification`."""
+
+    @classmethod
+    def _from_parts(
+        cls,
+        q: list[float],
+        value: float,
+        within_limits: bool,
+        classification: tuple[str, list[float], list[float], float, float],
+    ) -> CriticalPoint: ...
+
+def constrained_optima(
+    chain: Chain,
+    pose: Any,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int | None = None,
+    step: float | None = None,
+) -> list[CriticalPoint]:
+    """Every critical point of `criterion` found over `pose`, the best value first.
+
+    With one spare freedom the self-motion curves are followed and every zero of the slope is polished by Newton; on
+    S-R-S arms the curves are the circles of the closed form, so that none is missed, on other arms they are found
+    from random starts. With more spare freedoms Newton's method runs from random starts. Points outside joint limits
+    are reported with `within_limits` False; kinematic singularities are no critical points.
+
+    Args:
+        chain: The arm.
+        pose: A pose; for `planar` also `(2,)`, for `position` also `(3,)`.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        seed: Of the random starts.
+        starts: Number of random starts; default 100.
+        step: Largest joint step between the points of a curve at which the slope is computed; default 0.1.
+
+    Raises:
+        RedundancyError: an invalid pose, a task that leaves no spare freedom, settings out of range.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> points = rd.constrained_optima(arm, [2, 0], rd.Manipulability(arm, task="planar"), task="planar")
+        >>> len(points), str(points[0].kind), round(points[0].value, 4)
+        (12, 'maximum', 75.0395)
+    """
+
+@final
+class CofactorCondition:
+    """The sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Pickles."""
+
+    def __new__(cls, n: ArrayLike, mu: float, condition: float) -> CofactorCondition: ...
+    @property
+    def n(self) -> NDArray[np.float64]:
+        """`(n,)`: null vector of cofactors, `|n|^2 = det J J^T`."""
+
+    @property
+    def mu(self) -> float:
+        """`n . grad h`: zero at critical points."""
+
+    @property
+    def condition(self) -> float:
+        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times the eigenvalue of `classify`."""
+
+def cofactor_condition(
+    chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None
+) -> CofactorCondition:
+    """The paper's own n, mu and A at `q`, for tasks that leave one spare freedom.
+
+    Raises:
+        RedundancyError: a task that leaves another number of freedoms, a wrong length, entries that are not finite.
+
+    Example:
+        >>> import math, redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> p1 = [math.radians(x) for x in (-87.1742, 111.7847, 77.5352)]
+        >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").condition)
+        -4861
+    """

@@ -41,9 +41,8 @@ pub fn random_q(rng: &mut impl Rng, chain: &Chain) -> Vec<f64> {
 }
 
 /// An S-R-S arm with lengths `[L1..L4]`, elbow offsets of the upper arm and the forearm, mounted, tooled and framed at
-/// random: axis signs, joint zeros, frame orientations and the point of each axis at which a frame sits are arbitrary.
+/// random, see [`scrambled`].
 pub fn scrambled_srs(seed: u64, lengths: [f64; 4], elbow_offset: [f64; 2], limits: &[Limits; 7]) -> Chain {
-    let mut rng = rng(seed);
     let [l1, l2, l3, l4] = lengths;
     let [near, far] = elbow_offset;
     let elbow = Vector3::new(near, 0.0, l1 + l2);
@@ -51,7 +50,19 @@ pub fn scrambled_srs(seed: u64, lengths: [f64; 4], elbow_offset: [f64; 2], limit
     let shoulder = Vector3::new(0.0, 0.0, l1);
     let (y, z) = (Vector3::y(), Vector3::z());
     let axes = [(shoulder, z), (shoulder, y), (shoulder, z), (elbow, y), (wrist, z), (wrist, y), (wrist, z)];
-    let q0: Vec<f64> = (0..7).map(|_| rng.random_range(-2.0..2.0)).collect();
+    scrambled(seed, &axes, wrist + z * l4, limits)
+}
+
+/// An arm with these joint axes (point, direction) and tip, mounted, tooled and framed at random: axis signs, joint
+/// zeros, frame orientations and the point of each axis at which a frame sits are arbitrary.
+pub fn scrambled(
+    seed: u64,
+    axes: &[(Vector3<f64>, Vector3<f64>)],
+    tip: Vector3<f64>,
+    limits: &[Limits],
+) -> Chain {
+    let mut rng = rng(seed);
+    let q0: Vec<f64> = axes.iter().map(|_| rng.random_range(-2.0..2.0)).collect();
     let mut moved = Pose::identity();
     let mut frames = Vec::new();
     for ((point, direction), q) in axes.iter().zip(&q0) {
@@ -63,7 +74,7 @@ pub fn scrambled_srs(seed: u64, lengths: [f64; 4], elbow_offset: [f64; 2], limit
         let turn = Rotation3::new(direction * *q);
         moved *= Pose::from_parts(Translation3::from(point - turn * point), turn);
     }
-    let end = moved * Pose::from_parts(Translation3::from(wrist + z * l4), Rotation3::identity());
+    let end = moved * Pose::from_parts(Translation3::from(tip), Rotation3::identity());
     let mut builder = ChainBuilder::new("scrambled", "base").base(random_pose(&mut rng, 1.0));
     let mut previous = Pose::identity();
     for (i, (frame, axis)) in frames.into_iter().enumerate() {

@@ -1,13 +1,15 @@
 """Scenes: distances against numpy, files, pickles, messages."""
 
+import itertools
 import json
 import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
-import redundancy as rd
 from numpy.typing import NDArray
+
+import redundancy as rd
 
 Array = NDArray[np.float64]
 
@@ -54,7 +56,7 @@ def test_clearance_against_samples_in_numpy() -> None:
     for k, q in enumerate(rows):
         points = joints_of(chain, q)
         t = np.linspace(0, 1, 2001)[:, None]
-        samples = np.concatenate([a + t * (b - a) for a, b in zip(points[:-1], points[1:], strict=True)])
+        samples = np.concatenate([a + t * (b - a) for a, b in itertools.pairwise(points)])
         expected = min(point_distance(samples, obstacle).min() for obstacle in scene.obstacles) - 0.06
         one = scene.clearance(chain, q, link_radius=0.06)
         assert one.distance == pytest.approx(expected, abs=2e-4)

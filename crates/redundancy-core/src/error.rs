@@ -95,6 +95,12 @@ pub enum Error {
         /// Which condition fails, by how many millimetres or milliradians.
         reason: String,
     },
+    /// The chain is not a six-joint arm with a spherical wrist.
+    #[error("not a six-joint arm with a spherical wrist: {reason}")]
+    NotSphericalWrist {
+        /// Which condition fails, by how many millimetres or milliradians.
+        reason: String,
+    },
     /// A file with a path or trajectory is broken.
     #[error("{file}: {message}")]
     File {

@@ -19,7 +19,9 @@
 
 pub mod chain;
 pub mod criterion;
+pub mod ik;
 pub mod kinematics;
+pub mod optimum;
 pub mod path;
 pub mod planning;
 pub mod rotation;

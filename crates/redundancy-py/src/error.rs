@@ -24,6 +24,12 @@ pyo3::create_exception!(
 );
 pyo3::create_exception!(
     redundancy,
+    NotSphericalWristError,
+    RedundancyError,
+    "The chain is not a six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."
+);
+pyo3::create_exception!(
+    redundancy,
     FileFormatError,
     RedundancyError,
     "A file is broken; the message gives its name and line."
@@ -34,6 +40,7 @@ pub fn to_py(error: Error) -> PyErr {
     let message = error.to_string();
     match error {
         Error::NotSrs { .. } => NotSrsError::new_err(message),
+        Error::NotSphericalWrist { .. } => NotSphericalWristError::new_err(message),
         Error::File { .. } => FileFormatError::new_err(message),
         Error::Description(_) | Error::InvertedLimits { .. } => DescriptionError::new_err(message),
         _ => RedundancyError::new_err(message),
@@ -46,5 +53,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("RedundancyError", py.get_type::<RedundancyError>())?;
     module.add("DescriptionError", py.get_type::<DescriptionError>())?;
     module.add("NotSrsError", py.get_type::<NotSrsError>())?;
+    module.add("NotSphericalWristError", py.get_type::<NotSphericalWristError>())?;
     module.add("FileFormatError", py.get_type::<FileFormatError>())
 }

@@ -7,11 +7,14 @@ mod chain;
 mod convert;
 mod criterion;
 mod error;
+mod ik;
+mod optimum;
 mod path;
 mod planning;
 mod rotation;
 mod scene;
 mod self_motion;
+mod speed;
 mod status;
 mod task;
 
@@ -23,6 +26,13 @@ mod _core {
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
     use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
+    #[pymodule_export]
+    use ik::{PyConfigurations, PySphericalWristArm};
+    #[pymodule_export]
+    use optimum::{
+        PyClassification, PyCofactorCondition, PyCriticalPoint, py_classify, py_cofactor_condition,
+        py_constrained_optima,
+    };
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
@@ -36,6 +46,8 @@ mod _core {
     use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
     use task::PyTask;
 

@@ -295,18 +295,18 @@ impl PySrsArm {
 }
 
 /// Poses `(N, 4, 4)`; a single pose counts as N = 1.
-struct Batch<'py>(crate::convert::Rows<'py>);
+pub struct Batch<'py>(crate::convert::Rows<'py>);
 
 impl<'py> Batch<'py> {
-    fn read(poses: &Bound<'py, PyAny>) -> PyResult<Self> {
+    pub fn read(poses: &Bound<'py, PyAny>) -> PyResult<Self> {
         read_poses(poses).map(Self)
     }
 
-    fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.0.batch.unwrap_or(1)
     }
 
-    fn as_slice(&self) -> PyResult<&[f64]> {
+    pub fn as_slice(&self) -> PyResult<&[f64]> {
         self.0.as_slice()
     }
 }
@@ -351,22 +351,22 @@ fn output<'py, T: numpy::Element>(
     Ok(array.clone())
 }
 
-/// Result of `SrsArm.solve_batch`.
+/// Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s.
 #[pyclass(name = "SolveBatch", module = "redundancy", frozen)]
 pub struct PySolveBatch {
-    q: Py<PyArrayDyn<f64>>,
-    valid: Py<PyArrayDyn<bool>>,
+    pub q: Py<PyArrayDyn<f64>>,
+    pub valid: Py<PyArrayDyn<bool>>,
 }
 
 #[pymethods]
 impl PySolveBatch {
-    /// `(N, 8, 7)` in branch order; rows that are not valid are unspecified but finite.
+    /// `(N, 8, n)` in branch order, `(N, n)` for `nearest`; rows that are not valid are unspecified but finite.
     #[getter]
     fn q(&self, py: Python<'_>) -> Py<PyArrayDyn<f64>> {
         self.q.clone_ref(py)
     }
 
-    /// `(N, 8)`.
+    /// `(N, 8)`, `(N,)` for `nearest`.
     #[getter]
     fn valid(&self, py: Python<'_>) -> Py<PyArrayDyn<bool>> {
         self.valid.clone_ref(py)

@@ -5,6 +5,7 @@ mod elbow;
 mod joint_range;
 mod manipulability;
 mod posture;
+mod stationarity;
 mod weighted;
 
 pub use clearance::{CLEARANCE_SMOOTHING, Clearance};
@@ -12,6 +13,8 @@ pub use elbow::Elbow;
 pub use joint_range::JointRange;
 pub use manipulability::{Manipulability, Measure};
 pub use posture::Posture;
+pub use stationarity::Stationarity;
+pub(crate) use stationarity::check_redundant;
 pub use weighted::Weighted;
 
 use nalgebra::DMatrix;

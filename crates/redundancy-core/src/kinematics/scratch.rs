@@ -33,6 +33,11 @@ impl Scratch {
     pub fn dof(&self) -> usize {
         self.axes.len()
     }
+
+    /// Pose of the tool at the last `q`.
+    pub(crate) fn pose(&self) -> &Pose {
+        &self.pose
+    }
 }
 
 /// Pose and Jacobian at one `q`; only [`Chain::kinematics`] makes it, so they belong together.

@@ -27,7 +27,7 @@ pub struct BranchInterval {
 pub type BatchChoice = Vec<Option<Choice>>;
 
 /// Names the pose in an error.
-fn at(index: usize) -> impl Fn(Error) -> Error {
+pub(crate) fn at(index: usize) -> impl Fn(Error) -> Error {
     move |error| Error::Invalid(format!("pose {index}: {error}"))
 }
 

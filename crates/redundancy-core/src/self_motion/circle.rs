@@ -153,7 +153,7 @@ impl SelfMotion {
 }
 
 /// How far the best winding of `q` is outside of its limits.
-fn outside(q: f64, lower: f64, upper: f64) -> f64 {
+pub(crate) fn outside(q: f64, lower: f64, upper: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     let above = q + turn * ((lower - q) / turn).ceil();
     let below = above - turn;

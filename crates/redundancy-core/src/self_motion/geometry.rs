@@ -24,6 +24,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::Scratch;
+use crate::pose::Pose;
 use crate::tolerance::{REFERENCE_PARALLEL, SRS_ALIGNED, SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS};
 
 /// How far the arm is from the ideal S-R-S arm that stands in for it. What the closed form returns meets the
@@ -65,9 +66,23 @@ pub(super) struct Geometry {
     pub defect: Defect,
 }
 
-struct Line {
-    point: Vector3<f64>,
-    direction: Vector3<f64>,
+/// A joint axis as a line in space.
+pub(crate) struct Line {
+    /// A point on it.
+    pub point: Vector3<f64>,
+    /// Its unit direction.
+    pub direction: Vector3<f64>,
+}
+
+impl Line {
+    /// The joint axes of `chain` at `q = 0`, and the pose of its tool there.
+    pub fn axes(chain: &Chain) -> Result<(Vec<Self>, Pose)> {
+        let mut scratch = Scratch::new(chain);
+        let home = chain.kinematics(&vec![0.0; chain.dof()], &mut scratch)?;
+        let axes = home.origins().iter().zip(home.axes());
+        let lines = axes.map(|(o, z)| Self { point: *o, direction: z.normalize() }).collect();
+        Ok((lines, *home.pose()))
+    }
 }
 
 impl Geometry {
@@ -82,16 +97,9 @@ impl Geometry {
         if let Some(joint) = chain.joints().iter().find(|j| !j.kind.is_rotational()) {
             return not_srs(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()));
         }
-        let mut scratch = Scratch::new(chain);
-        let home = chain.kinematics(&[0.0; 7], &mut scratch)?;
-        let lines: Vec<Line> = home
-            .origins()
-            .iter()
-            .zip(home.axes())
-            .map(|(o, z)| Line { point: *o, direction: z.normalize() })
-            .collect();
-        let (shoulder, shoulder_axes) = spherical(&lines[..3], 1)?;
-        let (mut wrist, wrist_axes) = spherical(&lines[4..], 5)?;
+        let (lines, home) = Line::axes(chain)?;
+        let (shoulder, shoulder_axes) = spherical(&lines[..3], 1).or_else(not_srs)?;
+        let (mut wrist, wrist_axes) = spherical(&lines[4..], 5).or_else(not_srs)?;
 
         // The elbow: feet of S and W on axis 4, brought into one plane.
         let elbow = &lines[3];
@@ -149,7 +157,7 @@ impl Geometry {
         let virtual_upper = Matrix3::from_columns(&[y3.cross(&upper), y3, upper]);
         let virtual_fore = Matrix3::from_columns(&[y3.cross(&fore), y3, fore]);
         let wrist_frame = Matrix3::from_columns(&[y5.cross(&e5), y5, e5]);
-        let home_rotation = home.pose().rotation.matrix();
+        let home_rotation = home.rotation.matrix();
 
         let mut shoulder_offset = virtual_upper.tr_mul(&shoulder_frame);
         let mut wrist_offset = wrist_frame.tr_mul(&virtual_fore);
@@ -170,7 +178,7 @@ impl Geometry {
         let sign = [1.0, sign2, sign3, sign4, sign5, sign6, sign7];
         let zero = [-psi, -sign2 * b0, sign3 * c0, -sign4 * t0, sign5 * d0, -sign6 * e0, 0.0].map(wrapped);
 
-        let tool = home.pose().translation.vector;
+        let tool = home.translation.vector;
         let reach = upper_arm + forearm + (tool - wrist).norm();
         let mut defect = Defect { position: 0.0, orientation: 0.0 };
         let ideal = [(z1, shoulder), (z2, shoulder), (z3, shoulder), (z5, wrist), (z6, wrist), (z7, wrist)];
@@ -185,7 +193,7 @@ impl Geometry {
             defect.orientation += 2.0 * tilt;
             defect.position += 2.0 * tilt * reach;
         }
-        let wrist_in_tool = home.pose().inverse_transform_point(&wrist.into()).coords;
+        let wrist_in_tool = home.inverse_transform_point(&wrist.into()).coords;
         Ok(Self {
             shoulder,
             wrist_in_tool,
@@ -203,18 +211,22 @@ impl Geometry {
     }
 }
 
-/// Common point and orthonormalised directions of three axes in a row, the first of which is joint `first`.
-fn spherical(lines: &[Line], first: usize) -> Result<(Vector3<f64>, [Vector3<f64>; 3])> {
+/// Common point and orthonormalised directions of three axes in a row, the first of which is joint `first`; or in words
+/// which condition fails and by how much.
+pub(crate) fn spherical(
+    lines: &[Line],
+    first: usize,
+) -> std::result::Result<(Vector3<f64>, [Vector3<f64>; 3]), String> {
     let (a, b, c) = (&lines[0], &lines[1], &lines[2]);
     for (i, (l, m)) in [(a, b), (b, c)].into_iter().enumerate() {
         let (i, j) = (first + i, first + i + 1);
         let off = l.direction.dot(&m.direction).clamp(-1.0, 1.0).asin().abs();
         if off > SRS_ANGLE {
-            return not_srs(format!("axes {i} and {j} are {:.3} mrad away from a right angle", 1e3 * off));
+            return Err(format!("axes {i} and {j} are {:.3} mrad away from a right angle", 1e3 * off));
         }
         let gap = (m.point - l.point).dot(&l.direction.cross(&m.direction).normalize()).abs();
         if gap > SRS_DISTANCE {
-            return not_srs(format!("axes {i} and {j} miss each other by {:.3} mm", 1e3 * gap));
+            return Err(format!("axes {i} and {j} miss each other by {:.3} mm", 1e3 * gap));
         }
     }
     // Where on axis b the axes a and c cross it (the point of b nearest to them).
@@ -228,7 +240,7 @@ fn spherical(lines: &[Line], first: usize) -> Result<(Vector3<f64>, [Vector3<f64
     if apart > SRS_DISTANCE {
         let (i, j, k) = (first, first + 1, first + 2);
         let mm = 1e3 * apart;
-        return not_srs(format!("axes {i} and {k} cross axis {j} at points {mm:.3} mm apart"));
+        return Err(format!("axes {i} and {k} cross axis {j} at points {mm:.3} mm apart"));
     }
     // Least squares: the point nearest to the three lines.
     let mut normal = Matrix3::zeros();
@@ -239,7 +251,7 @@ fn spherical(lines: &[Line], first: usize) -> Result<(Vector3<f64>, [Vector3<f64
         right += p * (line.point - a.point);
     }
     let Some(offset) = normal.cholesky().map(|c| c.solve(&right)) else {
-        return not_srs(format!("axes {first} to {} are parallel", first + 2));
+        return Err(format!("axes {first} to {} are parallel", first + 2));
     };
     let za = a.direction;
     let zb = (b.direction - za * za.dot(&b.direction)).normalize();
@@ -270,25 +282,28 @@ fn angle_about(axis: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f
     axis.dot(&from.cross(to)).atan2(from.dot(to))
 }
 
-fn rotation_y(angle: f64) -> Matrix3<f64> {
+/// Rotation about y.
+pub(crate) fn rotation_y(angle: f64) -> Matrix3<f64> {
     let (s, c) = angle.sin_cos();
     Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
 }
 
-fn orthonormal(m: &Matrix3<f64>) -> Matrix3<f64> {
+/// The rotation nearest to `m` in its first columns.
+pub(crate) fn orthonormal(m: &Matrix3<f64>) -> Matrix3<f64> {
     let x = m.column(0).normalize();
     let y: Vector3<f64> = m.column(1) - x * x.dot(&m.column(1));
     let y = y.normalize();
     Matrix3::from_columns(&[x, y, x.cross(&y)])
 }
 
-fn distance_to_line(point: &Vector3<f64>, line: &Line) -> f64 {
+/// Distance of a point from a line, m.
+pub(crate) fn distance_to_line(point: &Vector3<f64>, line: &Line) -> f64 {
     let d = point - line.point;
     (d - line.direction * line.direction.dot(&d)).norm()
 }
 
 /// The angle in `(-pi, pi]`.
-pub(super) fn wrapped(angle: f64) -> f64 {
+pub(crate) fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     let r = angle - TAU * (angle / TAU).round();
     if r <= -PI { r + TAU } else { r }

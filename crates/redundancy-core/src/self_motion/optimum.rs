@@ -592,7 +592,7 @@ impl Search<'_> {
 }
 
 /// The winding of `q` within the limits that is nearest to `center`.
-fn nearest_winding(q: f64, center: f64, lower: f64, upper: f64) -> Option<f64> {
+pub(crate) fn nearest_winding(q: f64, center: f64, lower: f64, upper: f64) -> Option<f64> {
     within(q + TAU * turns(center - q), lower, upper)
 }
 

@@ -100,7 +100,7 @@ pub(super) struct Inner {
 }
 
 /// Signs of a branch from its index `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
-pub(super) fn signs(branch: usize) -> [i8; 3] {
+pub(crate) fn signs(branch: usize) -> [i8; 3] {
     [4, 2, 1].map(|bit| if branch & bit == 0 { 1 } else { -1 })
 }
 
@@ -165,7 +165,7 @@ fn first_at_gimbal(turn: [f64; 2]) -> (f64, f64) {
 
 /// `angle` moved by pi into `(-pi, pi]`.
 #[inline(always)]
-pub(super) fn opposite(angle: f64) -> f64 {
+pub(crate) fn opposite(angle: f64) -> f64 {
     if angle > 0.0 { angle - PI } else { angle + PI }
 }
 
@@ -321,7 +321,7 @@ fn fill(geometry: &Geometry, plus: &[f64; 7], minus: &[f64; 7], out: &mut [[f64;
 
 /// A sum of two angles in `(-pi, pi]`, brought back there.
 #[inline(always)]
-pub(super) fn principal(angle: f64) -> f64 {
+pub(crate) fn principal(angle: f64) -> f64 {
     if angle > PI {
         angle - 2.0 * PI
     } else if angle <= -PI {
@@ -334,7 +334,7 @@ pub(super) fn principal(angle: f64) -> f64 {
 /// The winding of `q` that holds the limits and is nearest to the principal value; clamped by at most the slack.
 /// `None` when no winding holds them.
 #[inline(always)]
-pub(super) fn within(q: f64, lower: f64, upper: f64) -> Option<f64> {
+pub(crate) fn within(q: f64, lower: f64, upper: f64) -> Option<f64> {
     if q >= lower && q <= upper {
         return Some(q);
     }
