@@ -225,6 +225,48 @@ pub const LIMITS_MEET: f64 = 1e-6;
 /// the rates are wrong, but finite.
 pub const RPY_COSINE: f64 = 1e-6;
 
+/// Ratio of the smallest to the largest singular value of a task Jacobian below which a configuration is a kinematic
+/// singularity: null-space directions have then lost six of their sixteen digits, joint speeds are a million times the
+/// tool's.
+pub const KINEMATIC_SINGULARITY: f64 = 1e-6;
+
+/// Least joint step (rad or m) of a continuation; a curve that asks for less turns within this distance, which a
+/// singular configuration does.
+pub const TRACE_SHORTEST: f64 = 1e-8;
+
+/// Angle (rad) by which the tangent of a self-motion may turn in one step. The predicted point is then within a per
+/// cent of the step of the curve.
+pub const TRACE_TURN: f64 = 0.2;
+
+/// Newton correction (rad) after which a point counts as on the curve: what is left is of the order of its square.
+pub const TRACE_ONE_STEP: f64 = 1e-6;
+
+/// Distance of the start from the step that passes it, relative to the step, at which a curve closes. The cubic
+/// between two rows is nearer than this, a neighbouring piece that the step control can tell apart is not.
+pub const TRACE_CLOSURE: f64 = 1e-2;
+
+/// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
+pub const CURVE_CONTAINS: f64 = 1e-8;
+
+/// Largest defect (m, rad) of an S-R-S arm whose closed form is taken for its self-motion: what is left is corrected
+/// in one Newton step.
+pub const SRS_EXACT: f64 = 1e-9;
+
+/// Slope of a criterion along the self-motion, relative to its gradient and curvature, up to which a configuration
+/// counts as critical: angles printed with four decimals of a degree (1.5e-6 rad from the critical point) pass.
+pub const CRITICAL_SLOPE: f64 = 2e-6;
+
+/// Curvature of a criterion along the self-motion, relative to the terms it is the sum of, up to which a critical point
+/// counts as degenerate: next to a fold that is a distance of this order (rad), the precision of printed angles.
+pub const DEGENERATE_CURVATURE: f64 = 1e-5;
+
+/// Newton step (rad or m) at which a critical point is as exact as doubles allow.
+pub const NEWTON_DONE: f64 = 1e-13;
+
+/// Distance (rad or m) below which two critical points are one: far above what Newton's method leaves, far below the
+/// distance at which the two of a fold are still told apart by the signs of their curvatures.
+pub const SAME_CRITICAL_POINT: f64 = 1e-7;
+
 /// Pose error (m, rad) before a Newton step along a path after which the next one would only move rounding: its square.
 pub const LINE_RESIDUAL: f64 = 1e-8;
 
@@ -244,3 +286,17 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Squared sine of the angle between two segments below which they count as parallel: the place of the nearest points
+/// of their lines is then decided by rounding, their distance is not.
+pub const SEGMENT_PARALLEL: f64 = 1e-14;
+
+/// Terms of a soft minimum that are this many smoothing widths further than the least are left out: `exp(-40)` is 4e-18.
+pub const SOFT_MINIMUM_REST: f64 = 40.0;
+
+/// Step (rad or m) of the differences of the clearance's gradient: a thousandth of the smoothing width at arm's length,
+/// where truncation (its square over the cube of the width) and rounding (1e-15 over it) balance.
+pub const CLEARANCE_DIFFERENCE: f64 = 2e-6;
+
+/// Distance (m) between neighbouring joints below which no link is between them.
+pub const LINK_LENGTH: f64 = 1e-9;
