@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
-from redundancy.status import EventKind, Status
+from redundancy.status import EventKind, Kind, Status
 
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
 _Pose: TypeAlias = Any
@@ -212,7 +212,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
@@ -236,7 +236,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = ...,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
 
@@ -506,6 +506,160 @@ class Task:
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
 
+# scene
+
+@final
+class Sphere:
+    """A ball.
+
+    Args:
+        center: `(3,)`, m, world axes.
+        radius: m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves.
+    """
+
+    def __new__(cls, center: ArrayLike, radius: float, *, velocity: ArrayLike | None = None) -> Self: ...
+    @property
+    def center(self) -> NDArray[np.float64]:
+        """Centre `(3,)`, m."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Box:
+    """A box with any orientation.
+
+    Args:
+        pose: Its centre and its axes.
+        half_extents: `(3,)`, half of its edges, m.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+    """
+
+    def __new__(cls, pose: _Pose, half_extents: ArrayLike, *, velocity: ArrayLike | None = None) -> Self: ...
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Centre and axes `(4, 4)`."""
+    @property
+    def half_extents(self) -> NDArray[np.float64]:
+        """Half of its edges `(3,)`, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Capsule:
+    """All points within `radius` of a segment.
+
+    Args:
+        start: `(3,)`, m, world axes.
+        end: `(3,)`, m.
+        radius: m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves.
+    """
+
+    def __new__(
+        cls, start: ArrayLike, end: ArrayLike, radius: float, *, velocity: ArrayLike | None = None
+    ) -> Self: ...
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """One end of the segment `(3,)`, m."""
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """The other end `(3,)`, m."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Scene:
+    """Obstacles in the world. Immutable.
+
+    Args:
+        obstacles: Any number of `Sphere`, `Box` and `Capsule`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("pa10")  # stretched upwards at q = 0, elbow at z = .765
+        >>> scene = rd.Scene([rd.Sphere((0.0, 0.3, 0.9), radius=0.1)])
+        >>> near = scene.clearance(arm, [0.0] * 7, link_radius=0.05)
+        >>> round(near.distance, 12), near.link, near.obstacle
+        (0.15, 'link5', 0)
+    """
+
+    def __new__(cls, obstacles: Iterable[Sphere | Box | Capsule] | None = None) -> Self: ...
+    @staticmethod
+    def from_json(path: str | PathLike[str]) -> Scene:
+        """From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...]}`.
+
+        A box has `center`, `half_extents` and `quaternion_wxyz` (may be left out), a capsule `start`, `end`, `radius`;
+        any may have a `velocity`.
+
+        Raises:
+            RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
+        """
+    @staticmethod
+    def from_json_string(text: str) -> Scene:
+        """From JSON text."""
+    def to_json(self) -> str:
+        """As JSON text, as `from_json` reads it."""
+    @property
+    def obstacles(self) -> list[Sphere | Box | Capsule]:
+        """The obstacles."""
+    def at(self, t: float) -> Scene:
+        """The scene at time `t` (s): moving obstacles are elsewhere."""
+    def clearance(
+        self, chain: Chain, q: ArrayLike, link_radius: float = 0.05, *, threads: int | None = None
+    ) -> ClearanceResult:
+        """The nearest pair of a link and an obstacle.
+
+        Links are capsules from joint to joint and from the last joint to the tool.
+
+        Args:
+            chain: The arm.
+            q: `(n,)` or `(N, n)`.
+            link_radius: Of the capsules, m.
+            threads: Threads for a batch; all cores when left out.
+        """
+    def __len__(self) -> int: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class ClearanceResult:
+    """How near an arm is to a scene: of one configuration, or arrays for N of them."""
+
+    @property
+    def distance(self) -> Any:
+        """Signed distance, m: negative in a collision; `(N,)` for a batch. Infinite for an empty scene."""
+    @property
+    def link(self) -> Any:
+        """Name of the nearest link (a list for a batch); `None` for an empty scene."""
+    @property
+    def obstacle(self) -> Any:
+        """Index of the nearest obstacle in the scene (a list for a batch); `None` for an empty scene."""
+    @property
+    def on_link(self) -> Any:
+        """The nearest point of the link's surface, `(3,)` or `(N, 3)`, m; `None` for an empty scene."""
+    @property
+    def on_obstacle(self) -> Any:
+        """The nearest point of the obstacle's surface."""
+    @property
+    def normal(self) -> Any:
+        """Unit vector from the obstacle to the link."""
+
 # criterion
 
 @disjoint_base
@@ -584,6 +738,38 @@ class Posture(Criterion):
     """
 
     def __new__(cls, chain: Chain, q_ref: ArrayLike, weights: ArrayLike | None = None) -> Self: ...
+
+@final
+class Clearance(Criterion):
+    """Distance from obstacles, to maximise.
+
+    A soft minimum of the signed distances of all pairs of link and obstacle: smooth where the nearest pair changes, at
+    most the least distance, and less by at most `smoothing` times the logarithm of the number of pairs as near as it.
+    The Hessian is the difference quotient of the analytic gradient.
+
+    Args:
+        chain: The arm.
+        scene: The obstacles.
+        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool.
+        smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+    """
+
+    def __new__(
+        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = 0.002
+    ) -> Self: ...
+
+@final
+class Elbow(Criterion):
+    """Squared distance (m^2) of the elbow from a point, to minimise.
+
+    Args:
+        chain: The arm.
+        point: `(3,)`, m, world axes.
+        link: The origin of this link's frame instead of the elbow, which is the origin of joint 4 of seven, in general
+            of joint `(n + 1) // 2`.
+    """
+
+    def __new__(cls, chain: Chain, point: ArrayLike, *, link: str | None = None) -> Self: ...
 
 # self-motion
 
@@ -1097,6 +1283,168 @@ def plan_swivel(
         RedundancyError: A setting out of its range, a path without orientations.
     """
 
+# painting
+
+@final
+class OrientationRule:
+    """A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
+
+    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`.
+    """
+
+    def __new__(
+        cls,
+        kind: str,
+        *,
+        angle: float | None = None,
+        spin: str = "pointing",
+        beta: float | None = None,
+        alpha: float | None = None,
+        k_err: float | None = None,
+        k_tcp: float | None = None,
+        distance: float | None = None,
+        gamma: float | None = None,
+        k_x: float | None = None,
+        orientation: ArrayLike | None = None,
+        center: Sequence[float] | None = None,
+        half_extents: Sequence[float] | None = None,
+        radius: float | None = None,
+    ) -> Self: ...
+    def __call__(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """Orientations of positions.
+
+        Raises:
+            RedundancyError: A position that is not finite, cones that miss each other (row and angle are named).
+        """
+    @property
+    def kind(self) -> str:
+        """Name of the rule."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class MaxSpeed:
+    """The largest constant tool speed over a path, and what stops a larger one."""
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+    @property
+    def limiting_joint(self) -> int:
+        """Index of the joint that allows no more."""
+    @property
+    def limiting_joint_name(self) -> str:
+        """Its name."""
+    @property
+    def limit(self) -> str:
+        """`"torque"` or `"velocity"`."""
+    @property
+    def at(self) -> int:
+        """The path point where that happens, from 0."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(N, n)`, rad."""
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Joint torques `(N, n)` at `speed`, N m; zeros for a chain without inertias."""
+    @property
+    def point_speeds(self) -> NDArray[np.float64]:
+        """Largest constant speed `(N,)` that each point would allow on its own, m/s."""
+    @staticmethod
+    def _from_parts(
+        at: tuple[float, int, bool, int],
+        q: list[float],
+        torques: list[float],
+        point_speeds: list[float],
+        joint_name: str,
+    ) -> MaxSpeed: ...
+
+def max_speed(
+    chain: Chain,
+    path: Path,
+    orientation_rule: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    q: ArrayLike | None = None,
+    q0: ArrayLike | None = None,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    *,
+    gravity: Sequence[float] = ...,
+    joint_limits: bool = True,
+) -> MaxSpeed:
+    """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+
+    Args:
+        chain: The arm.
+        path: Positions with `orientation_rule`, poses without.
+        orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
+            `(N, 3, 3)`.
+        q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
+        q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+        joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+
+    Raises:
+        RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
+            gravity asks for (joint and point), no inertias, no limit, no length.
+    """
+
+@final
+class SpeedProfile:
+    """A motion over a path whose tool speed changes."""
+
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc length `(N,)`, m."""
+    @property
+    def speed(self) -> NDArray[np.float64]:
+        """Tool speed `(N,)`, m/s."""
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Along the path from each point to the next `(N,)`, m/s^2."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Time `(N,)`, s."""
+    @property
+    def duration(self) -> float:
+        """Time of the whole path, s."""
+    @staticmethod
+    def _from_parts(
+        s: list[float], speed: list[float], acceleration: list[float], t: list[float]
+    ) -> SpeedProfile: ...
+
+def fastest_profile(
+    chain: Chain,
+    path: Path,
+    q: ArrayLike,
+    *,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    gravity: Sequence[float] = ...,
+) -> SpeedProfile:
+    """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+
+    Args:
+        chain: The arm.
+        path: The path; only its arc lengths count.
+        q: Joint positions `(N, n)`, one row per path point.
+        start_speed: Tool speed at the start, m/s.
+        end_speed: Tool speed at the end, m/s.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        gravity: m/s^2, world axes.
+
+    Raises:
+        RedundancyError: As `max_speed`; a speed at an end that cannot be held.
+    """
+
 # rotation
 
 @final
@@ -1500,3 +1848,185 @@ def quaternion_error(start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
 
 def quaternion_angle(a: ArrayLike, b: ArrayLike) -> float:
     """Angle, rad in [0, pi], of the rotation between two orientations."""
+
+# Optimum: what kind it is, and where it breaks -------------------------------------------------------------------
+
+@final
+class Classification:
+    """What a configuration is to a criterion among the configurations with the same task value.
+
+    Pickles.
+    """
+
+    @property
+    def kind(self) -> Kind:
+        """`maximum`, `minimum`, `saddle`, `degenerate`, `not_critical` or `kinematic_singularity`."""
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """`(r,)`: eigenvalues of the reduced Hessian on an orthonormal null-space basis, ascending.
+
+        All negative: a maximum; all positive: a minimum; both signs: a saddle; one zero: degenerate, an algorithmic
+        singularity. At a point that is not critical they are the second derivatives of h along the self-motion.
+        """
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """`(m,)`: Lagrange multipliers `(J J^T)^-1 J grad h`."""
+
+    @property
+    def residual(self) -> float:
+        """`|N^T grad h|` with an orthonormal null-space basis N: the slope of h along the self-motion."""
+
+    @property
+    def sigma_min(self) -> float:
+        """Smallest singular value of the task Jacobian."""
+
+    @classmethod
+    def _from_parts(
+        cls, kind: str, eigenvalues: list[float], multipliers: list[float], residual: float, sigma_min: float
+    ) -> Classification: ...
+
+@overload
+def classify(
+    chain: Chain, q: list[float] | tuple[float, ...], criterion: Criterion, task: str | Task | None = None
+) -> Classification: ...
+@overload
+def classify(chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None) -> Any:
+    """What `q` is to `criterion` among the configurations with the same task value.
+
+    With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
+    `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
+    at critical points]. Any chain, task and degree of redundancy.
+
+    Args:
+        chain: The arm.
+        q: `(n,)`, or `(N, n)` for a list of results.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> near = rd.Posture(arm, [0.3, 0.5, 0.7])
+        >>> str(rd.classify(arm, [0.3, 0.5, 0.7], near, task="planar").kind)
+        'minimum'
+    """
+
+@final
+class CriticalPoint:
+    """A critical point of a criterion over a pose. Pickles."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(n,)`: revolute joints in principal values, unless that breaks a limit and another winding does not."""
+
+    @property
+    def value(self) -> float:
+        """h(q)."""
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether all joint limits hold."""
+
+    @property
+    def kind(self) -> Kind:
+        """`maximum`, `minimum`, `saddle` or `degenerate`."""
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """`(r,)`, as of `Classification`."""
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """`(m,)`, as of `Classification`."""
+
+    @property
+    def residual(self) -> float:
+        """As of `Classification`."""
+
+    @property
+    def sigma_min(self) -> float:
+        """As of `Classification`."""
+
+    @classmethod
+    def _from_parts(
+        cls,
+        q: list[float],
+        value: float,
+        within_limits: bool,
+        classification: tuple[str, list[float], list[float], float, float],
+    ) -> CriticalPoint: ...
+
+def constrained_optima(
+    chain: Chain,
+    pose: Any,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int | None = None,
+    step: float | None = None,
+) -> list[CriticalPoint]:
+    """Every critical point of `criterion` found over `pose`, the best value first.
+
+    With one spare freedom the self-motion curves are followed and every zero of the slope is polished by Newton; on
+    S-R-S arms the curves are the circles of the closed form, so that none is missed, on other arms they are found
+    from random starts. With more spare freedoms Newton's method runs from random starts. Points outside joint limits
+    are reported with `within_limits` False; kinematic singularities are no critical points.
+
+    Args:
+        chain: The arm.
+        pose: A pose; for `planar` also `(2,)`, for `position` also `(3,)`.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        seed: Of the random starts.
+        starts: Number of random starts; default 100.
+        step: Largest joint step between the points of a curve at which the slope is computed; default 0.1.
+
+    Raises:
+        RedundancyError: an invalid pose, a task that leaves no spare freedom, settings out of range.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> points = rd.constrained_optima(arm, [2, 0], rd.Manipulability(arm, task="planar"), task="planar")
+        >>> len(points), str(points[0].kind), round(points[0].value, 4)
+        (12, 'maximum', 75.0395)
+    """
+
+@final
+class CofactorCondition:
+    """The sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Pickles."""
+
+    def __new__(cls, n: ArrayLike, mu: float, condition: float) -> CofactorCondition: ...
+    @property
+    def n(self) -> NDArray[np.float64]:
+        """`(n,)`: null vector of cofactors, `|n|^2 = det J J^T`."""
+
+    @property
+    def mu(self) -> float:
+        """`n . grad h`: zero at critical points."""
+
+    @property
+    def condition(self) -> float:
+        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times the eigenvalue of `classify`."""
+
+def cofactor_condition(
+    chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None
+) -> CofactorCondition:
+    """The paper's own n, mu and A at `q`, for tasks that leave one spare freedom.
+
+    Raises:
+        RedundancyError: a task that leaves another number of freedoms, a wrong length, entries that are not finite.
+
+    Example:
+        >>> import math, redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> p1 = [math.radians(x) for x in (-87.1742, 111.7847, 77.5352)]
+        >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").condition)
+        -4861
+    """

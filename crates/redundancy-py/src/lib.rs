@@ -8,10 +8,13 @@ mod convert;
 mod criterion;
 mod error;
 mod ik;
+mod optimum;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
+mod speed;
 mod status;
 mod task;
 
@@ -22,9 +25,14 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
+    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
+    #[pymodule_export]
+    use optimum::{
+        PyClassification, PyCofactorCondition, PyCriticalPoint, py_classify, py_cofactor_condition,
+        py_constrained_optima,
+    };
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
@@ -35,7 +43,11 @@ mod _core {
         quaternion_to_xyz, quaternion_to_zyz,
     };
     #[pymodule_export]
+    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
+    #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
     use task::PyTask;
 

@@ -4,6 +4,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use redundancy_core::Status;
+use redundancy_core::optimum::Kind;
 use redundancy_core::path::EventKind;
 
 /// The member of `redundancy.status.Status` for a core status.
@@ -37,6 +38,12 @@ pub fn statuses_to_py<'py>(
 pub fn event_kind_to_py(py: Python<'_>, kind: EventKind) -> PyResult<Bound<'_, PyAny>> {
     static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     member(py, &CLASS, "EventKind", kind.as_str())
+}
+
+/// The member of `redundancy.status.Kind` for a core kind.
+pub fn kind_to_py(py: Python<'_>, kind: Kind) -> PyResult<Bound<'_, PyAny>> {
+    static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    member(py, &CLASS, "Kind", kind.as_str())
 }
 
 fn member<'py>(

@@ -292,7 +292,6 @@ impl Chain {
         Ok(())
     }
 
-    #[allow(dead_code)] // `planning` will use it
     /// Both parts of `tau = G + v^2 D` for checked arguments: gravity's, and the one of the motion `(q', q'')`.
     pub(crate) fn split_torques(
         &self,

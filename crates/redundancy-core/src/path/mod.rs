@@ -35,5 +35,6 @@ mod trajectory;
 
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
+pub(crate) use spline::knot_derivatives;
 pub use timing::{TimingSettings, times_within_limits};
 pub use trajectory::{Event, EventKind, Trajectory};

@@ -101,6 +101,48 @@ fn slopes<const D: usize>(x: &[f64], y: &[SVector<f64, D>]) -> Vec<SVector<f64, 
     }
 }
 
+/// First and second derivatives, at every row, of the cubic splines through rows of `n` numbers. Rows that share their
+/// `s` (a stop) share one knot and thus their derivatives. The caller has made sure that `s` does not decrease.
+pub(crate) fn knot_derivatives(s: &[f64], rows: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
+    let knots: Vec<usize> = (0..s.len()).filter(|i| *i == 0 || s[*i] > s[*i - 1]).collect();
+    let x: Vec<f64> = knots.iter().map(|i| s[*i]).collect();
+    let (mut first, mut second) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
+    // Several channels at a time share the elimination.
+    let mut column = 0;
+    while column < n {
+        let width = (n - column).min(CHANNELS);
+        let y: Vec<SVector<f64, CHANNELS>> = knots
+            .iter()
+            .map(|i| SVector::from_fn(|c, _| if c < width { rows[i * n + column + c] } else { 0.0 }))
+            .collect();
+        let m = slopes(&x, &y);
+        let mut knot = 0;
+        for i in 0..s.len() {
+            if knot + 1 < knots.len() && knots[knot + 1] <= i {
+                knot += 1;
+            }
+            let (d, dd) = match x.len() {
+                0 | 1 => (SVector::zeros(), SVector::zeros()),
+                len if knot + 1 < len => {
+                    let h = x[knot + 1] - x[knot];
+                    (m[knot], ((y[knot + 1] - y[knot]) * (6.0 / h) - m[knot] * 4.0 - m[knot + 1] * 2.0) / h)
+                }
+                _ => {
+                    let h = x[knot] - x[knot - 1];
+                    (m[knot], (m[knot - 1] * 2.0 + m[knot] * 4.0 - (y[knot] - y[knot - 1]) * (6.0 / h)) / h)
+                }
+            };
+            first[i * n + column..i * n + column + width].copy_from_slice(&d.as_slice()[..width]);
+            second[i * n + column..i * n + column + width].copy_from_slice(&dd.as_slice()[..width]);
+        }
+        column += width;
+    }
+    (first, second)
+}
+
+/// Channels of [`knot_derivatives`] that are solved together: a register of vectors, and most arms at once.
+const CHANNELS: usize = 8;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -117,6 +159,23 @@ mod tests {
             assert!((v[0] - f(x)).abs() < 1e-13);
             assert!((d[0] - (-2.0 + x - 0.9 * x * x)).abs() < 1e-12);
             assert!((dd[0] - (1.0 - 1.8 * x)).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn derivatives_at_the_knots_are_the_splines() {
+        let knots: Vec<f64> = (0..12).map(|i| 0.1 * f64::from(i) + 0.01 * f64::from(i * i % 5)).collect();
+        let f = |x: f64, c: usize| (x * (1.0 + c as f64)).sin();
+        let rows: Vec<f64> = knots.iter().flat_map(|x| (0..9).map(|c| f(*x, c))).collect();
+        let (d, dd) = knot_derivatives(&knots, &rows, 9);
+        for c in 0..9 {
+            let spline =
+                CubicSpline::new(knots.clone(), knots.iter().map(|x| Vector1::new(f(*x, c))).collect());
+            for (i, x) in knots.iter().enumerate() {
+                let [_, first, second] = spline.at(*x);
+                assert!((d[i * 9 + c] - first[0]).abs() < 1e-12);
+                assert!((dd[i * 9 + c] - second[0]).abs() < 1e-9);
+            }
         }
     }
 

@@ -1,0 +1,217 @@
+//! Joint-space lines over a path of poses: where they can start, and how they go on.
+//!
+//! A line starts from a configuration over the first pose and follows by Newton's method from point to point, with the
+//! configuration of the point before, moved on by the last step, as its start. It stays on its branch as long as it keeps
+//! clear of singular configurations; a step of more than [`JOINT_JUMP`] ends it. With more joints than six the step is the
+//! shortest one.
+
+use nalgebra::{Cholesky, Matrix6, Matrix6xX, Vector6};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::chain::{Chain, JointKind};
+use crate::ik::SphericalWristArm;
+use crate::kinematics::{Scratch, rotation_vector};
+use crate::pose::Pose;
+use crate::self_motion::{SrsArm, Swivel};
+use crate::tolerance::{JOINT_JUMP, LINE_RESIDUAL, LINE_SINGULAR, SAME_LINE, START_NEAR};
+
+/// Most Newton steps from one point of a path to the next.
+const NEWTON_STEPS: usize = 12;
+/// Most damped steps from a random configuration, and how many of those are tried where there is no closed form.
+const START_STEPS: usize = 60;
+const START_DRAWS: usize = 120;
+/// Swivels at which a seven-joint arm with a closed form starts.
+const START_SWIVELS: usize = 12;
+
+/// Why a line ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LineEnd {
+    /// Newton does not meet the pose.
+    Lost,
+    /// It does, beyond a jump.
+    Jump,
+}
+
+/// Pose error as a twist: metres, then the rotation vector in world axes.
+fn twist(wanted: &Pose, at: &Pose) -> Vector6<f64> {
+    let p = wanted.translation.vector - at.translation.vector;
+    let r = rotation_vector(&(wanted.rotation * at.rotation.inverse()));
+    Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z)
+}
+
+/// `J^T (J J^T + damping^2)^-1 e`, added to `q`. False where that matrix is singular.
+fn step(jacobian: &Matrix6xX<f64>, error: &Vector6<f64>, damping: f64, q: &mut [f64], most: f64) -> bool {
+    let mut gram = Matrix6::from_diagonal_element(damping * damping);
+    for column in jacobian.column_iter() {
+        gram += column * column.transpose();
+    }
+    let Some(factor) = Cholesky::new(gram) else { return false };
+    let diagonal = factor.l_dirty().diagonal();
+    if damping == 0.0 && diagonal.min() < LINE_SINGULAR * diagonal.max() {
+        return false;
+    }
+    let y = factor.solve(error);
+    let largest = jacobian.column_iter().map(|c| c.dot(&y).abs()).fold(0.0, f64::max);
+    if !largest.is_finite() {
+        return false;
+    }
+    let scale = if largest > most { most / largest } else { 1.0 };
+    for (q, column) in q.iter_mut().zip(jacobian.column_iter()) {
+        *q += scale * column.dot(&y);
+    }
+    true
+}
+
+/// Moves `q` onto the pose; true when it meets it.
+pub(super) fn meet(chain: &Chain, wanted: &Pose, q: &mut [f64], scratch: &mut Scratch) -> bool {
+    for _ in 0..NEWTON_STEPS {
+        let kinematics = chain.kinematics_unchecked(q, scratch);
+        let error = twist(wanted, kinematics.pose());
+        if !step(kinematics.jacobian(), &error, 0.0, q, JOINT_JUMP) {
+            return false;
+        }
+        // Quadratic convergence: after this step rounding is all that is left.
+        if error.amax() < LINE_RESIDUAL {
+            return true;
+        }
+    }
+    false
+}
+
+/// The line from `start` over all poses, row by row; where it ends early, the point that it does not reach and why.
+pub(super) fn follow(chain: &Chain, poses: &[Pose], start: &[f64]) -> Result<Vec<f64>, (usize, LineEnd)> {
+    let n = chain.dof();
+    let mut scratch = Scratch::new(chain);
+    let mut line = vec![0.0; n * poses.len()];
+    let mut q = start.to_vec();
+    for (k, pose) in poses.iter().enumerate() {
+        if k > 1 {
+            for j in 0..n {
+                q[j] += line[(k - 1) * n + j] - line[(k - 2) * n + j];
+            }
+        }
+        if !meet(chain, pose, &mut q, &mut scratch) {
+            return Err((k, LineEnd::Lost));
+        }
+        if k > 0 && (0..n).any(|j| (q[j] - line[(k - 1) * n + j]).abs() > JOINT_JUMP) {
+            return Err((k, LineEnd::Jump));
+        }
+        line[k * n..(k + 1) * n].copy_from_slice(&q);
+    }
+    Ok(line)
+}
+
+/// Shifts every turning joint by whole turns so that the line holds the limits, nearest to the middle of the range. The
+/// first joint that cannot, and the first point outside with the fewest turns of it.
+pub(super) fn wind(chain: &Chain, line: &mut [f64]) -> Result<(), (usize, usize)> {
+    let n = chain.dof();
+    for (j, joint) in chain.joints().iter().enumerate() {
+        let (lo, hi) = (joint.limits.lower, joint.limits.upper);
+        let column = || line.iter().skip(j).step_by(n).copied();
+        let (least, most) =
+            column().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)));
+        if joint.kind == JointKind::Continuous || (lo == f64::NEG_INFINITY && hi == f64::INFINITY) {
+            continue;
+        }
+        let turn = std::f64::consts::TAU;
+        let shift = if joint.kind == JointKind::Prismatic {
+            0.0
+        } else {
+            let middle = 0.5 * (lo.max(-1e3) + hi.min(1e3));
+            turn * ((middle - 0.5 * (least + most)) / turn).round()
+        };
+        let fits = |s: f64| least + s >= lo && most + s <= hi;
+        let turns: &[f64] = if joint.kind == JointKind::Prismatic { &[0.0] } else { &[0.0, turn, -turn] };
+        let Some(extra) = turns.iter().find(|e| fits(shift + **e)) else {
+            let outside = column().position(|q| q + shift < lo || q + shift > hi).unwrap_or(0);
+            return Err((j, outside));
+        };
+        for q in line.iter_mut().skip(j).step_by(n) {
+            *q += shift + extra;
+        }
+    }
+    Ok(())
+}
+
+/// Configurations over a pose, from the closed form where there is one, else from seeded random starts. Joints modulo turns.
+pub(super) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
+    if let Ok(arm) = SrsArm::new(chain) {
+        let swivels = (0..START_SWIVELS).map(|k| std::f64::consts::TAU * k as f64 / START_SWIVELS as f64);
+        let rows = swivels.filter_map(|s| arm.solve(pose, Swivel::Angle(s), false).ok());
+        return distinct(rows.flatten().map(|q| q.to_vec()));
+    }
+    if let Ok(arm) = SphericalWristArm::new(chain) {
+        return distinct(arm.solve(pose, false).into_iter().flatten().map(|q| q.to_vec()));
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut scratch = Scratch::new(chain);
+    let draws = (0..START_DRAWS).filter_map(|_| {
+        let mut q: Vec<f64> = (0..chain.dof())
+            .map(|j| {
+                let (lo, hi) =
+                    (chain.lower()[j].max(-std::f64::consts::PI), chain.upper()[j].min(std::f64::consts::PI));
+                if lo < hi { rng.random_range(lo..=hi) } else { 0.5 * (lo + hi) }
+            })
+            .collect();
+        for _ in 0..START_STEPS {
+            let kinematics = chain.kinematics_unchecked(&q, &mut scratch);
+            let error = twist(pose, kinematics.pose());
+            let size = error.norm();
+            if size < START_NEAR {
+                return meet(chain, pose, &mut q, &mut scratch).then_some(q);
+            }
+            if !step(kinematics.jacobian(), &error, 0.05 * size.min(1.0), &mut q, 0.5) {
+                return None;
+            }
+        }
+        None
+    });
+    distinct(draws)
+}
+
+/// Points that no configuration reaches, joint limits aside: exact for arms with a closed form, otherwise those that are
+/// further from the first joint than the arm is long.
+pub(super) fn unreachable(chain: &Chain, poses: &[Pose]) -> Vec<usize> {
+    let out = |reached: &dyn Fn(&Pose) -> bool| (0..poses.len()).filter(|k| !reached(&poses[*k])).collect();
+    if let Ok(arm) = SphericalWristArm::new(chain) {
+        let reached = |pose: &Pose| arm.solve_into(pose, false, &mut [[0.0; 6]; 8]) != 0;
+        return out(&reached);
+    }
+    if let Ok(arm) = SrsArm::new(chain) {
+        let reached = |pose: &Pose| arm.solve(pose, Swivel::Angle(0.0), false).is_ok_and(|q| !q.is_empty());
+        return out(&reached);
+    }
+    let base = chain.base() * chain.joints().first().map_or_else(Pose::identity, |j| j.placement);
+    let reach = reach(chain);
+    out(&|pose: &Pose| (pose.translation.vector - base.translation.vector).norm() <= reach)
+}
+
+/// Distance from the first joint beyond which nothing can be reached: frame to frame, added up.
+fn reach(chain: &Chain) -> f64 {
+    let mut reach = 0.0;
+    for (i, joint) in chain.joints().iter().enumerate() {
+        if i > 0 {
+            reach += joint.placement.translation.vector.norm();
+        }
+        if !joint.kind.is_rotational() {
+            reach += joint.limits.lower.abs().max(joint.limits.upper.abs());
+        }
+    }
+    let tip = chain.links().last().map_or_else(Pose::identity, |l| l.offset) * chain.tool();
+    reach + tip.translation.vector.norm()
+}
+
+/// Without those that differ from an earlier one by whole turns only.
+fn distinct(rows: impl Iterator<Item = Vec<f64>>) -> Vec<Vec<f64>> {
+    let mut kept: Vec<Vec<f64>> = Vec::new();
+    for q in rows {
+        let same = |other: &Vec<f64>| {
+            q.iter().zip(other).all(|(a, b)| crate::rotation::wrap(a - b).abs() < SAME_LINE)
+        };
+        if !kept.iter().any(same) {
+            kept.push(q);
+        }
+    }
+    kept
+}
