@@ -28,4 +28,6 @@ print("within the cone:", rd.IkSolver(chain, orientation_set=cone).solve(far).st
 rng = np.random.default_rng(0)
 poses = chain.forward(rng.uniform(chain.lower, chain.upper, (1000, 7)))
 batch = ik.solve_batch(poses)
-print(f"{(batch.status == 'converged').sum()} of {len(batch)} reached, {batch.iterations.mean():.1f} iterations each")
+print(
+    f"{(batch.status == 'converged').sum()} of {len(batch)} reached, {batch.iterations.mean():.1f} iterations each"
+)

@@ -440,7 +440,7 @@ fn read_set(object: &Bound<'_, PyAny>) -> PyResult<OrientationSet> {
         return Ok(cone.get().cone.into());
     }
     match object.cast::<PyQuaternionVolume>() {
-        Ok(volume) => Ok(volume.get().volume.clone().into()),
+        Ok(volume) => Ok(volume.get().volume.into()),
         Err(_) => {
             let message =
                 format!("orientation_set is {}, expected a Cone or a QuaternionVolume", object.repr()?);

@@ -276,7 +276,7 @@ impl Search {
 }
 
 impl IkSolver {
-    /// A solver for `chain`; stores [`STORED`] configurations (about a millisecond).
+    /// A solver for `chain`; stores a thousand configurations (about a millisecond).
     ///
     /// # Errors
     /// A setting out of its range; a criterion for another number of joints; an orientation set for a task that leaves
