@@ -506,6 +506,160 @@ class Task:
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
 
+# scene
+
+@final
+class Sphere:
+    """A ball.
+
+    Args:
+        center: `(3,)`, m, world axes.
+        radius: m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves.
+    """
+
+    def __new__(cls, center: ArrayLike, radius: float, *, velocity: ArrayLike | None = None) -> Self: ...
+    @property
+    def center(self) -> NDArray[np.float64]:
+        """Centre `(3,)`, m."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Box:
+    """A box with any orientation.
+
+    Args:
+        pose: Its centre and its axes.
+        half_extents: `(3,)`, half of its edges, m.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+    """
+
+    def __new__(cls, pose: _Pose, half_extents: ArrayLike, *, velocity: ArrayLike | None = None) -> Self: ...
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Centre and axes `(4, 4)`."""
+    @property
+    def half_extents(self) -> NDArray[np.float64]:
+        """Half of its edges `(3,)`, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Capsule:
+    """All points within `radius` of a segment.
+
+    Args:
+        start: `(3,)`, m, world axes.
+        end: `(3,)`, m.
+        radius: m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves.
+    """
+
+    def __new__(
+        cls, start: ArrayLike, end: ArrayLike, radius: float, *, velocity: ArrayLike | None = None
+    ) -> Self: ...
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """One end of the segment `(3,)`, m."""
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """The other end `(3,)`, m."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Scene:
+    """Obstacles in the world. Immutable.
+
+    Args:
+        obstacles: Any number of `Sphere`, `Box` and `Capsule`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("pa10")  # stretched upwards at q = 0, elbow at z = .765
+        >>> scene = rd.Scene([rd.Sphere((0.0, 0.3, 0.9), radius=0.1)])
+        >>> near = scene.clearance(arm, [0.0] * 7, link_radius=0.05)
+        >>> round(near.distance, 12), near.link, near.obstacle
+        (0.15, 'link5', 0)
+    """
+
+    def __new__(cls, obstacles: Iterable[Sphere | Box | Capsule] | None = None) -> Self: ...
+    @staticmethod
+    def from_json(path: str | PathLike[str]) -> Scene:
+        """From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...]}`.
+
+        A box has `center`, `half_extents` and `quaternion_wxyz` (may be left out), a capsule `start`, `end`, `radius`;
+        any may have a `velocity`.
+
+        Raises:
+            RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
+        """
+    @staticmethod
+    def from_json_string(text: str) -> Scene:
+        """From JSON text."""
+    def to_json(self) -> str:
+        """As JSON text, as `from_json` reads it."""
+    @property
+    def obstacles(self) -> list[Sphere | Box | Capsule]:
+        """The obstacles."""
+    def at(self, t: float) -> Scene:
+        """The scene at time `t` (s): moving obstacles are elsewhere."""
+    def clearance(
+        self, chain: Chain, q: ArrayLike, link_radius: float = 0.05, *, threads: int | None = None
+    ) -> ClearanceResult:
+        """The nearest pair of a link and an obstacle.
+
+        Links are capsules from joint to joint and from the last joint to the tool.
+
+        Args:
+            chain: The arm.
+            q: `(n,)` or `(N, n)`.
+            link_radius: Of the capsules, m.
+            threads: Threads for a batch; all cores when left out.
+        """
+    def __len__(self) -> int: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class ClearanceResult:
+    """How near an arm is to a scene: of one configuration, or arrays for N of them."""
+
+    @property
+    def distance(self) -> Any:
+        """Signed distance, m: negative in a collision; `(N,)` for a batch. Infinite for an empty scene."""
+    @property
+    def link(self) -> Any:
+        """Name of the nearest link (a list for a batch); `None` for an empty scene."""
+    @property
+    def obstacle(self) -> Any:
+        """Index of the nearest obstacle in the scene (a list for a batch); `None` for an empty scene."""
+    @property
+    def on_link(self) -> Any:
+        """The nearest point of the link's surface, `(3,)` or `(N, 3)`, m; `None` for an empty scene."""
+    @property
+    def on_obstacle(self) -> Any:
+        """The nearest point of the obstacle's surface."""
+    @property
+    def normal(self) -> Any:
+        """Unit vector from the obstacle to the link."""
+
 # criterion
 
 @disjoint_base
@@ -838,6 +992,38 @@ def track(
             needs them.
     """
 
+@final
+class Clearance(Criterion):
+    """Distance from obstacles, to maximise.
+
+    A soft minimum of the signed distances of all pairs of link and obstacle: smooth where the nearest pair changes, at
+    most the least distance, and less by at most `smoothing` times the logarithm of the number of pairs as near as it.
+    The Hessian is the difference quotient of the analytic gradient.
+
+    Args:
+        chain: The arm.
+        scene: The obstacles.
+        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool.
+        smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+    """
+
+    def __new__(
+        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = 0.002
+    ) -> Self: ...
+
+@final
+class Elbow(Criterion):
+    """Squared distance (m^2) of the elbow from a point, to minimise.
+
+    Args:
+        chain: The arm.
+        point: `(3,)`, m, world axes.
+        link: The origin of this link's frame instead of the elbow, which is the origin of joint 4 of seven, in general
+            of joint `(n + 1) // 2`.
+    """
+
+    def __new__(cls, chain: Chain, point: ArrayLike, *, link: str | None = None) -> Self: ...
+
 # self-motion
 
 @final
@@ -1050,6 +1236,147 @@ class SolveBatch:
         """`(N, 8)`, `(N,)` for `nearest`."""
 
 # ik
+
+@final
+class IkSolver:
+    """From poses to configurations: any chain, joint limits held, a real tolerance.
+
+    `hybrid` uses the closed form where the arm has one (`SphericalWristArm`, `SrsArm`), else ranked starts and
+    Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
+
+    Args:
+        chain: The arm.
+        method: `"hybrid"`, or `"newton"`: Levenberg-Marquardt from `q0`, then from random starts.
+        task: Which coordinates count: a name or a `Task`; `"pose"` when left out.
+        tol_position: Largest distance from the target that counts as reached, m.
+        tol_orientation: Largest angle from the target that counts as reached, rad.
+        max_iterations: Most iterations over all starts.
+        restarts: Most starts after the first.
+        criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
+            closed form to the best value over all configurations.
+        orientation_set: `Cone` or `QuaternionVolume` of orientations that count as reached, instead of the target's.
+        closed_form: Whether the closed form is used where the arm has one.
+        time_limit: Seconds after which the best configuration so far is returned.
+
+    Raises:
+        RedundancyError: A setting out of its range, by name.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("panda")
+        >>> ik = rd.IkSolver(chain)
+        >>> result = ik.solve(chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9]))
+        >>> str(result.status), result.position_error <= 1e-6
+        ('converged', True)
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        method: Literal["hybrid", "newton"] = "hybrid",
+        task: str | Task | None = None,
+        tol_position: float = 1e-6,
+        tol_orientation: float = 1e-6,
+        max_iterations: int | None = None,
+        restarts: int | None = None,
+        criterion: Criterion | None = None,
+        orientation_set: Cone | QuaternionVolume | None = None,
+        closed_form: bool = True,
+        *,
+        time_limit: float | None = None,
+    ) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain."""
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+    @property
+    def task(self) -> Task:
+        """Which coordinates count."""
+    @property
+    def closed_form(self) -> str | None:
+        """`"srs"`, `"spherical_wrist"` or `None`: the closed form in use."""
+    def solve(self, pose: Any, q0: ArrayLike | None = None, seed: int = 0) -> IkResult:
+        """A configuration over a pose.
+
+        Args:
+            pose: `(4, 4)` or SE3-like; `(2,)` for `planar`, `(3,)` for `position` and `planar_pose` (x, y, angle).
+            q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
+            seed: Decides the random starts, if it comes to those. The same seed, the same bits.
+
+        Raises:
+            RedundancyError: A pose that is not rigid (with the measured error), wrong shapes, numbers that are not
+                finite.
+        """
+    def solve_batch(
+        self, poses: Any, q0: ArrayLike | None = None, seed: int = 0, *, threads: int | None = None
+    ) -> IkBatch:
+        """`solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
+
+        Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+        """
+    @staticmethod
+    def _restore(chain: Chain, options: dict[str, Any]) -> IkSolver: ...
+
+@final
+class IkResult:
+    """The answer over one pose."""
+
+    def __new__(
+        cls, q: ArrayLike, status: str, iterations: int, position_error: float, orientation_error: float
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(n,)` within the limits; the best found where the status is not `converged`. A copy."""
+    @property
+    def status(self) -> Status:
+        """What came out.
+
+        `converged`, `unreachable` (every start ended stationary above the tolerance; exact from a closed form),
+        `limits` (in reach, but only outside of the joint limits), `iteration_limit`, `time_limit`.
+        """
+    @property
+    def reason(self) -> str:
+        """What the status means here, with the numbers; empty when converged."""
+    @property
+    def iterations(self) -> int:
+        """Iterations over all starts; 0 from a closed form."""
+    @property
+    def position_error(self) -> float:
+        """Distance from the target, m, of what counts of it: measured by forward kinematics on `q`."""
+    @property
+    def orientation_error(self) -> float:
+        """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+
+@final
+class IkBatch:
+    """The answers over many poses; row i is that over pose i."""
+
+    def __new__(
+        cls,
+        q: NDArray[np.float64],
+        status: NDArray[Any],
+        iterations: NDArray[np.uint32],
+        position_error: NDArray[np.float64],
+        orientation_error: NDArray[np.float64],
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`, within the limits."""
+    @property
+    def status(self) -> NDArray[Any]:
+        """`(N,)`, an object array of `Status`."""
+    @property
+    def iterations(self) -> NDArray[np.uint32]:
+        """`(N,)`."""
+    @property
+    def position_error(self) -> NDArray[np.float64]:
+        """`(N,)`, m."""
+    @property
+    def orientation_error(self) -> NDArray[np.float64]:
+        """`(N,)`, rad."""
+    def __len__(self) -> int: ...
 
 @final
 class SphericalWristArm:

@@ -51,8 +51,9 @@ def test_the_task_is_met_and_the_freedom_stays_off_it(iiwa: rd.Chain) -> None:
             q = rng.uniform(iiwa.lower, iiwa.upper)
             v = rng.uniform(-0.05, 0.05, 6)
             step = scheme.step(q, v, dt=0.01)
-            if step.sigma_min > 0.2:
-                assert np.abs(iiwa.jacobian(q) @ step.qd - step.scale * v).max() < 1e-11
+            if step.sigma_min > 0.05 and step.damping == 0.0:
+                speed = max(1.0, np.abs(step.qd).max())
+                assert np.abs(iiwa.jacobian(q) @ step.qd - step.scale * v).max() < 1e-12 * speed
                 sigma = np.linalg.svd(iiwa.jacobian(q), compute_uv=False)[-1]
                 assert abs(step.sigma_min - sigma) < 1e-12
 

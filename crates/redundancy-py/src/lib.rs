@@ -12,6 +12,7 @@ mod optimum;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
 mod speed;
 mod status;
@@ -25,9 +26,9 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
+    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
-    use ik::{PyConfigurations, PySphericalWristArm};
+    use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
     #[pymodule_export]
     use optimum::{
         PyClassification, PyCofactorCondition, PyCriticalPoint, py_classify, py_cofactor_condition,
@@ -42,6 +43,8 @@ mod _core {
         quaternion_from_zyz, quaternion_shortest_arc, quaternion_swing_twist, quaternion_to_rpy,
         quaternion_to_xyz, quaternion_to_zyz,
     };
+    #[pymodule_export]
+    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]
