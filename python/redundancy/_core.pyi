@@ -1686,7 +1686,7 @@ class CofactorCondition:
 
     @property
     def condition(self) -> float:
-        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times the eigenvalue of `classify`."""
+        """The paper's A, `det(J J^T)` times the eigenvalue of `classify`: negative at a maximum."""
 
 def cofactor_condition(
     chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None

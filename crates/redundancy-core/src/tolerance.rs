@@ -286,3 +286,21 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
+/// its square.
+pub const FOLLOW_DONE: f64 = 1e-12;
+
+/// Joint distance (rad or m) within which a start is taken to the nearest critical point: angles printed with two
+/// decimals of a degree pass.
+pub const FOLLOW_START: f64 = 0.02;
+
+/// Ratio of the singular values of J at which a path has met a kinematic singularity. What is left of the way is of the
+/// order of its square.
+pub const FOLLOW_SINGULAR: f64 = 1e-5;
+
+/// Rate of the path parameter, relative to the speed in (q, s), at which a fold is located: s is exact to its square.
+pub const FOLLOW_FOLD: f64 = 1e-9;
+
+/// Shortest step (rad) along a critical locus: below it neither fold nor singularity explain why it cannot go on.
+pub const FOLLOW_SHORTEST: f64 = 1e-10;

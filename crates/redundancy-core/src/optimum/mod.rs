@@ -13,6 +13,10 @@
 
 mod classify;
 mod critical_points;
+mod follow;
 
 pub use classify::{Classification, Classifier, CofactorCondition, Kind, classify, cofactor_condition};
 pub use critical_points::{CriticalPoint, OptimaSettings, constrained_optima};
+pub use follow::{
+    FollowSettings, FollowedOptimum, RankedStart, Stop, distance_to_nearest, follow_optimum, rank_starts,
+};
