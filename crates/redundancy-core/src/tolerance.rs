@@ -304,3 +304,18 @@ pub const FOLLOW_FOLD: f64 = 1e-9;
 
 /// Shortest step (rad) along a critical locus: below it neither fold nor singularity explain why it cannot go on.
 pub const FOLLOW_SHORTEST: f64 = 1e-10;
+
+/// Step (rad or m) of the central difference of `det W`: the third root of the machine precision, where the errors of
+/// rounding and of the formula are alike.
+pub const SINGULARITY_DIFFERENCE: f64 = 6e-6;
+
+/// Ratio of the singular values of J above which an algorithmic singularity is not a kinematic one. Near a kinematic
+/// singularity mu and A shrink with the square of this ratio and would pass for zero.
+pub const SINGULARITY_RANK: f64 = 1e-4;
+
+/// What may be left of `mu` and of an eigenvalue of W, relative to gradient and curvature, at an algorithmic
+/// singularity.
+pub const SINGULARITY_RESIDUAL: f64 = 1e-10;
+
+/// Distance (rad or m) below which two algorithmic singularities are one.
+pub const SAME_SINGULARITY: f64 = 1e-6;
