@@ -506,6 +506,160 @@ class Task:
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
 
+# scene
+
+@final
+class Sphere:
+    """A ball.
+
+    Args:
+        center: `(3,)`, m, world axes.
+        radius: m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves.
+    """
+
+    def __new__(cls, center: ArrayLike, radius: float, *, velocity: ArrayLike | None = None) -> Self: ...
+    @property
+    def center(self) -> NDArray[np.float64]:
+        """Centre `(3,)`, m."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Box:
+    """A box with any orientation.
+
+    Args:
+        pose: Its centre and its axes.
+        half_extents: `(3,)`, half of its edges, m.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+    """
+
+    def __new__(cls, pose: _Pose, half_extents: ArrayLike, *, velocity: ArrayLike | None = None) -> Self: ...
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Centre and axes `(4, 4)`."""
+    @property
+    def half_extents(self) -> NDArray[np.float64]:
+        """Half of its edges `(3,)`, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Capsule:
+    """All points within `radius` of a segment.
+
+    Args:
+        start: `(3,)`, m, world axes.
+        end: `(3,)`, m.
+        radius: m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves.
+    """
+
+    def __new__(
+        cls, start: ArrayLike, end: ArrayLike, radius: float, *, velocity: ArrayLike | None = None
+    ) -> Self: ...
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """One end of the segment `(3,)`, m."""
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """The other end `(3,)`, m."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Scene:
+    """Obstacles in the world. Immutable.
+
+    Args:
+        obstacles: Any number of `Sphere`, `Box` and `Capsule`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("pa10")  # stretched upwards at q = 0, elbow at z = .765
+        >>> scene = rd.Scene([rd.Sphere((0.0, 0.3, 0.9), radius=0.1)])
+        >>> near = scene.clearance(arm, [0.0] * 7, link_radius=0.05)
+        >>> round(near.distance, 12), near.link, near.obstacle
+        (0.15, 'link5', 0)
+    """
+
+    def __new__(cls, obstacles: Iterable[Sphere | Box | Capsule] | None = None) -> Self: ...
+    @staticmethod
+    def from_json(path: str | PathLike[str]) -> Scene:
+        """From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...]}`.
+
+        A box has `center`, `half_extents` and `quaternion_wxyz` (may be left out), a capsule `start`, `end`, `radius`;
+        any may have a `velocity`.
+
+        Raises:
+            RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
+        """
+    @staticmethod
+    def from_json_string(text: str) -> Scene:
+        """From JSON text."""
+    def to_json(self) -> str:
+        """As JSON text, as `from_json` reads it."""
+    @property
+    def obstacles(self) -> list[Sphere | Box | Capsule]:
+        """The obstacles."""
+    def at(self, t: float) -> Scene:
+        """The scene at time `t` (s): moving obstacles are elsewhere."""
+    def clearance(
+        self, chain: Chain, q: ArrayLike, link_radius: float = 0.05, *, threads: int | None = None
+    ) -> ClearanceResult:
+        """The nearest pair of a link and an obstacle.
+
+        Links are capsules from joint to joint and from the last joint to the tool.
+
+        Args:
+            chain: The arm.
+            q: `(n,)` or `(N, n)`.
+            link_radius: Of the capsules, m.
+            threads: Threads for a batch; all cores when left out.
+        """
+    def __len__(self) -> int: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class ClearanceResult:
+    """How near an arm is to a scene: of one configuration, or arrays for N of them."""
+
+    @property
+    def distance(self) -> Any:
+        """Signed distance, m: negative in a collision; `(N,)` for a batch. Infinite for an empty scene."""
+    @property
+    def link(self) -> Any:
+        """Name of the nearest link (a list for a batch); `None` for an empty scene."""
+    @property
+    def obstacle(self) -> Any:
+        """Index of the nearest obstacle in the scene (a list for a batch); `None` for an empty scene."""
+    @property
+    def on_link(self) -> Any:
+        """The nearest point of the link's surface, `(3,)` or `(N, 3)`, m; `None` for an empty scene."""
+    @property
+    def on_obstacle(self) -> Any:
+        """The nearest point of the obstacle's surface."""
+    @property
+    def normal(self) -> Any:
+        """Unit vector from the obstacle to the link."""
+
 # criterion
 
 @disjoint_base
@@ -584,6 +738,38 @@ class Posture(Criterion):
     """
 
     def __new__(cls, chain: Chain, q_ref: ArrayLike, weights: ArrayLike | None = None) -> Self: ...
+
+@final
+class Clearance(Criterion):
+    """Distance from obstacles, to maximise.
+
+    A soft minimum of the signed distances of all pairs of link and obstacle: smooth where the nearest pair changes, at
+    most the least distance, and less by at most `smoothing` times the logarithm of the number of pairs as near as it.
+    The Hessian is the difference quotient of the analytic gradient.
+
+    Args:
+        chain: The arm.
+        scene: The obstacles.
+        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool.
+        smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+    """
+
+    def __new__(
+        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = 0.002
+    ) -> Self: ...
+
+@final
+class Elbow(Criterion):
+    """Squared distance (m^2) of the elbow from a point, to minimise.
+
+    Args:
+        chain: The arm.
+        point: `(3,)`, m, world axes.
+        link: The origin of this link's frame instead of the elbow, which is the origin of joint 4 of seven, in general
+            of joint `(n + 1) // 2`.
+    """
+
+    def __new__(cls, chain: Chain, point: ArrayLike, *, link: str | None = None) -> Self: ...
 
 # self-motion
 

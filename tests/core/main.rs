@@ -15,6 +15,7 @@ mod optimum;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
 mod spray;
 mod support;

@@ -14,7 +14,7 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path -> criterion -> self_motion -> planning`.
+//! `rotation -> chain -> kinematics -> path, scene -> criterion -> self_motion -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 
 pub mod chain;
@@ -25,6 +25,7 @@ pub mod optimum;
 pub mod path;
 pub mod planning;
 pub mod rotation;
+pub mod scene;
 pub mod self_motion;
 pub mod tolerance;
 

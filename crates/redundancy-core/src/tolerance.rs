@@ -319,3 +319,17 @@ pub const SINGULARITY_RESIDUAL: f64 = 1e-10;
 
 /// Distance (rad or m) below which two algorithmic singularities are one.
 pub const SAME_SINGULARITY: f64 = 1e-6;
+
+/// Squared sine of the angle between two segments below which they count as parallel: the place of the nearest points
+/// of their lines is then decided by rounding, their distance is not.
+pub const SEGMENT_PARALLEL: f64 = 1e-14;
+
+/// Terms of a soft minimum that are this many smoothing widths further than the least are left out: `exp(-40)` is 4e-18.
+pub const SOFT_MINIMUM_REST: f64 = 40.0;
+
+/// Step (rad or m) of the differences of the clearance's gradient: a thousandth of the smoothing width at arm's length,
+/// where truncation (its square over the cube of the width) and rounding (1e-15 over it) balance.
+pub const CLEARANCE_DIFFERENCE: f64 = 2e-6;
+
+/// Distance (m) between neighbouring joints below which no link is between them.
+pub const LINK_LENGTH: f64 = 1e-9;

@@ -13,6 +13,7 @@ mod optimum;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
 mod speed;
 mod status;
@@ -28,8 +29,8 @@ mod _core {
     use continuation::{
         PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
     };
+    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use ik::{PyConfigurations, PySphericalWristArm};
     #[pymodule_export]
@@ -47,6 +48,8 @@ mod _core {
         quaternion_from_zyz, quaternion_shortest_arc, quaternion_swing_twist, quaternion_to_rpy,
         quaternion_to_xyz, quaternion_to_zyz,
     };
+    #[pymodule_export]
+    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]
