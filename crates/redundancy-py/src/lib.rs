@@ -29,8 +29,8 @@ mod _core {
     use continuation::{
         PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
     };
-    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
+    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use ik::{PyConfigurations, PySphericalWristArm};
     #[pymodule_export]
