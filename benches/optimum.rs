@@ -51,7 +51,8 @@ fn trace(c: &mut Criterion) {
         let q = [0.3, 0.7, -0.4, -1.4, 0.2, 0.9, 0.5];
         let settings = TraceSettings { step: 0.01, ..TraceSettings::default() };
         let curve = trace_self_motion(&arm, &q, Task::POSE, &settings).unwrap();
-        let id = format!("optimum/trace_self_motion/{name}/{}_rows_length_{:.2}", curve.rows(), curve.length());
+        let id =
+            format!("optimum/trace_self_motion/{name}/{}_rows_length_{:.2}", curve.rows(), curve.length());
         c.bench_function(&id, |b| {
             b.iter(|| trace_self_motion(&arm, black_box(&q), Task::POSE, &settings).unwrap())
         });
@@ -66,7 +67,8 @@ fn optima(c: &mut Criterion) {
     c.bench_function("optimum/constrained_optima/iiwa14/joint_range", |b| {
         b.iter(|| {
             i = (i + 1) % poses.len();
-            constrained_optima(&arm, black_box(&poses[i]), &h, Task::POSE, &OptimaSettings::default()).unwrap()
+            constrained_optima(&arm, black_box(&poses[i]), &h, Task::POSE, &OptimaSettings::default())
+                .unwrap()
         })
     });
 }
@@ -74,7 +76,8 @@ fn optima(c: &mut Criterion) {
 fn planar(c: &mut Criterion) {
     let arm = catalog::load("planar3r").unwrap();
     let h = Manipulability::new(&arm, Task::PLANAR);
-    let circle = Circle::new(Vector3::new(3.5, 0.0, 0.0), 1.5, std::f64::consts::PI, 1.0, Vector3::z()).unwrap();
+    let circle =
+        Circle::new(Vector3::new(3.5, 0.0, 0.0), 1.5, std::f64::consts::PI, 1.0, Vector3::z()).unwrap();
     let path = circle.path(101).unwrap();
     let p1 = [-87.1742f64, 111.7847, 77.5352].map(f64::to_radians);
     c.bench_function("optimum/follow_optimum/planar3r/101_points", |b| {

@@ -1898,6 +1898,10 @@ class SelfMotionCurve:
     """
 
     @property
+    def chain(self) -> Chain:
+        """The arm."""
+
+    @property
     def q(self) -> NDArray[np.float64]:
         """`(N, n)`: joint configurations that change continuously: not wound back into their limits on the way.
 
@@ -2265,6 +2269,6 @@ def singularity_distance(chain: Chain, q: ArrayLike, points: list[SingularPoint]
         >>> import redundancy as rd
         >>> arm = rd.catalog.load("planar3r")
         >>> points = rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar")
-        >>> rd.singularity_distance(arm, points[0].q + [1.0, 0.1, 0.0], points)
-        0.1...
+        >>> round(rd.singularity_distance(arm, points[0].q + [1.0, 0.01, 0.0], points), 12)
+        0.01
     """

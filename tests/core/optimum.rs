@@ -318,9 +318,12 @@ fn eigenvalues_agree_with_differences() {
         assert!((gram - DMatrix::identity(null.redundancy(), null.redundancy())).norm() < 1e-14);
         let [least, most] = null.singular_values();
         let svd = jacobian.clone().svd(false, false).singular_values;
-        assert!((least - svd.min()).abs() < 1e-12 * svd.max() && (most - svd.max()).abs() < 1e-12 * svd.max());
+        assert!(
+            (least - svd.min()).abs() < 1e-12 * svd.max() && (most - svd.max()).abs() < 1e-12 * svd.max()
+        );
         let w = reduced_by_differences(&arm, &posture, &task, &q, null.basis());
-        let mut eigenvalues: Vec<f64> = (0.5 * (&w + w.transpose())).symmetric_eigenvalues().iter().copied().collect();
+        let mut eigenvalues: Vec<f64> =
+            (0.5 * (&w + w.transpose())).symmetric_eigenvalues().iter().copied().collect();
         eigenvalues.sort_by(f64::total_cmp);
         let scale = w.norm().max(1.0);
         for (a, b) in at.eigenvalues.iter().zip(&eigenvalues) {
@@ -350,7 +353,8 @@ fn w_is_equation_10_at_critical_points_of_two_freedoms() {
         let mut a = basis.transpose() * hessian * &basis;
         for j in 0..2 {
             let d: Vec<f64> = basis.column(j).iter().map(|x| x / basis.column(j).norm()).collect();
-            let change = derivative(q, &d, 4e-3, |q| basis_11(&task_jacobian(&arm, q, &Task::PLANAR), &[0, 1]));
+            let change =
+                derivative(q, &d, 4e-3, |q| basis_11(&task_jacobian(&arm, q, &Task::PLANAR), &[0, 1]));
             for i in 0..2 {
                 a[(i, j)] += g.dot(&change.column(i)) * basis.column(j).norm();
             }
@@ -362,7 +366,10 @@ fn w_is_equation_10_at_critical_points_of_two_freedoms() {
         kinds.insert(point.classification.kind);
         checked += 1;
     }
-    assert!(checked >= 10 && kinds.contains(&Kind::Saddle) && kinds.contains(&Kind::Maximum), "{checked} {kinds:?}");
+    assert!(
+        checked >= 10 && kinds.contains(&Kind::Saddle) && kinds.contains(&Kind::Maximum),
+        "{checked} {kinds:?}"
+    );
 }
 
 #[test]
@@ -374,7 +381,14 @@ fn w_is_equation_9_at_critical_points_of_seven_joints() {
         let criteria: [&dyn Criterion; 2] = [&range, &manipulability];
         for h in criteria {
             let pose = arm.forward(&random_q(&mut rng, &arm)).unwrap();
-            let points = constrained_optima(&arm, &pose, h, Task::POSE, &OptimaSettings { starts: 10, ..OptimaSettings::default() }).unwrap();
+            let points = constrained_optima(
+                &arm,
+                &pose,
+                h,
+                Task::POSE,
+                &OptimaSettings { starts: 10, ..OptimaSettings::default() },
+            )
+            .unwrap();
             assert!(!points.is_empty());
             for point in &points {
                 let paper = cofactor_condition(&arm, &point.q, h, Task::POSE).unwrap();
@@ -383,7 +397,11 @@ fn w_is_equation_9_at_critical_points_of_seven_joints() {
                 // Where W is nearly zero, against the terms that it is the difference of.
                 let mut stationarity = Stationarity::new(&arm, h, Task::POSE).unwrap();
                 stationarity.second_order(&point.q);
-                assert!((paper.a / length - w).abs() < 1e-8 * stationarity.scale(), "{name}: {} {w}", paper.a / length);
+                assert!(
+                    (paper.a / length - w).abs() < 1e-8 * stationarity.scale(),
+                    "{name}: {} {w}",
+                    paper.a / length
+                );
                 assert!(point.classification.residual < 1e-9 * stationarity.scale());
             }
         }
@@ -404,11 +422,17 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
             let pose = chain.forward(&random_q(&mut rng, &chain)).unwrap();
             let motion = arm.self_motion(&pose).unwrap();
             for h in criteria {
-                let points = constrained_optima(&chain, &pose, h, Task::POSE, &OptimaSettings::default()).unwrap();
+                let points =
+                    constrained_optima(&chain, &pose, h, Task::POSE, &OptimaSettings::default()).unwrap();
                 // Where each point is: branch and swivel.
                 let place: Vec<([i8; 3], f64)> = points
                     .iter()
-                    .map(|p| (arm.branch(&p.q).unwrap(), arm.swivel(&p.q).unwrap().rem_euclid(std::f64::consts::TAU)))
+                    .map(|p| {
+                        (
+                            arm.branch(&p.q).unwrap(),
+                            arm.swivel(&p.q).unwrap().rem_euclid(std::f64::consts::TAU),
+                        )
+                    })
                     .collect();
                 for p in &points {
                     let there = chain.forward(&p.q).unwrap();
@@ -421,7 +445,8 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                     let sample = |k: usize| {
                         let s = step * k as f64;
                         let q = branch.q(s).unwrap();
-                        let slope: f64 = gradient(h, &q).iter().zip(branch.tangent(s).unwrap()).map(|(g, t)| g * t).sum();
+                        let slope: f64 =
+                            gradient(h, &q).iter().zip(branch.tangent(s).unwrap()).map(|(g, t)| g * t).sum();
                         (q, slope)
                     };
                     let mut inside: Vec<Vec<usize>> = vec![Vec::new(); SAMPLES];
@@ -440,7 +465,13 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                             let crosses = (left.1 > 0.0) != (right.1 > 0.0);
                             let odd = inside.len() % 2 == 1;
                             // Rounding of the swivel of a point next to a sample may put it into the next cell.
-                            assert_eq!(crosses, odd, "{name} {h:?} branch {:?} s = {} of {points:?}", branch.signs(), step * k as f64);
+                            assert_eq!(
+                                crosses,
+                                odd,
+                                "{name} {h:?} branch {:?} s = {} of {points:?}",
+                                branch.signs(),
+                                step * k as f64
+                            );
                             cells += usize::from(crosses);
                             if let [one] = inside[..] {
                                 let wanted = if left.1 > 0.0 { Kind::Maximum } else { Kind::Minimum };
@@ -476,7 +507,8 @@ fn table_1_and_its_mirror_images() {
         for [q2, q3, radius] in printed {
             for sign in [1.0, -1.0] {
                 let near = |p: &&redundancy_core::optimum::SingularPoint| {
-                    (p.q[1].to_degrees() - sign * q2).abs() < 0.501e-4 && (p.q[2].to_degrees() - sign * q3).abs() < 0.501e-4
+                    (p.q[1].to_degrees() - sign * q2).abs() < 0.501e-4
+                        && (p.q[2].to_degrees() - sign * q3).abs() < 0.501e-4
                 };
                 let point = points.iter().find(near).unwrap();
                 assert!((point.position[0].hypot(point.position[1]) - radius).abs() < 0.501e-4);
@@ -542,9 +574,9 @@ fn traced_curves_are_the_circles_of_the_closed_form() {
             }
             // All branches as curves, each found again by a trace from one of its rows.
             let settings = TraceSettings { step: 0.05, ..TraceSettings::default() };
-            let mut all = self_motion_curves(&chain, &pose, Task::POSE, &settings, 0, 0).unwrap();
+            let all = self_motion_curves(&chain, &pose, Task::POSE, &settings, 0, 0).unwrap();
             assert_eq!(all.len(), motion.branches().len());
-            assert_eq!(all.iter_mut().filter(|c| c.contains(&q)).count(), 1);
+            assert_eq!(all.iter().filter(|c| c.contains(&q)).count(), 1);
         }
     }
 }

@@ -25,6 +25,12 @@ pub struct PySelfMotionCurve {
 
 #[pymethods]
 impl PySelfMotionCurve {
+    /// The arm.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
     /// Rows of joint configurations.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -228,7 +228,7 @@ pub fn self_motion_curves(
     for mut q in random_configurations(chain, seed, starts) {
         if tracer.fibre.reach(&mut q)
             && tracer.fibre.correct(&mut q, settings.step)
-            && !curves.iter_mut().any(|curve| curve.contains(&q))
+            && !curves.iter().any(|curve| curve.contains(&q))
         {
             curves.push(tracer.curve(&q));
         }
@@ -717,7 +717,7 @@ impl SelfMotionCurve {
     }
 
     /// Whether `q` lies on the curve, modulo whole turns.
-    pub fn contains(&mut self, q: &[f64]) -> bool {
+    pub fn contains(&self, q: &[f64]) -> bool {
         let n = self.chain().dof();
         let mut d = vec![0.0; n];
         let mut nearest = (f64::INFINITY, 0);
