@@ -985,6 +985,147 @@ class SolveBatch:
 # ik
 
 @final
+class IkSolver:
+    """From poses to configurations: any chain, joint limits held, a real tolerance.
+
+    `hybrid` uses the closed form where the arm has one (`SphericalWristArm`, `SrsArm`), else ranked starts and
+    Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
+
+    Args:
+        chain: The arm.
+        method: `"hybrid"`, or `"newton"`: Levenberg-Marquardt from `q0`, then from random starts.
+        task: Which coordinates count: a name or a `Task`; `"pose"` when left out.
+        tol_position: Largest distance from the target that counts as reached, m.
+        tol_orientation: Largest angle from the target that counts as reached, rad.
+        max_iterations: Most iterations over all starts.
+        restarts: Most starts after the first.
+        criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
+            closed form to the best value over all configurations.
+        orientation_set: `Cone` or `QuaternionVolume` of orientations that count as reached, instead of the target's.
+        closed_form: Whether the closed form is used where the arm has one.
+        time_limit: Seconds after which the best configuration so far is returned.
+
+    Raises:
+        RedundancyError: A setting out of its range, by name.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("panda")
+        >>> ik = rd.IkSolver(chain)
+        >>> result = ik.solve(chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9]))
+        >>> str(result.status), result.position_error <= 1e-6
+        ('converged', True)
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        method: Literal["hybrid", "newton"] = "hybrid",
+        task: str | Task | None = None,
+        tol_position: float = 1e-6,
+        tol_orientation: float = 1e-6,
+        max_iterations: int | None = None,
+        restarts: int | None = None,
+        criterion: Criterion | None = None,
+        orientation_set: Cone | QuaternionVolume | None = None,
+        closed_form: bool = True,
+        *,
+        time_limit: float | None = None,
+    ) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain."""
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+    @property
+    def task(self) -> Task:
+        """Which coordinates count."""
+    @property
+    def closed_form(self) -> str | None:
+        """`"srs"`, `"spherical_wrist"` or `None`: the closed form in use."""
+    def solve(self, pose: Any, q0: ArrayLike | None = None, seed: int = 0) -> IkResult:
+        """A configuration over a pose.
+
+        Args:
+            pose: `(4, 4)` or SE3-like; `(2,)` for `planar`, `(3,)` for `position` and `planar_pose` (x, y, angle).
+            q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
+            seed: Decides the random starts, if it comes to those. The same seed, the same bits.
+
+        Raises:
+            RedundancyError: A pose that is not rigid (with the measured error), wrong shapes, numbers that are not
+                finite.
+        """
+    def solve_batch(
+        self, poses: Any, q0: ArrayLike | None = None, seed: int = 0, *, threads: int | None = None
+    ) -> IkBatch:
+        """`solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
+
+        Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+        """
+    @staticmethod
+    def _restore(chain: Chain, options: dict[str, Any]) -> IkSolver: ...
+
+@final
+class IkResult:
+    """The answer over one pose."""
+
+    def __new__(
+        cls, q: ArrayLike, status: str, iterations: int, position_error: float, orientation_error: float
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(n,)` within the limits; the best found where the status is not `converged`. A copy."""
+    @property
+    def status(self) -> Status:
+        """What came out.
+
+        `converged`, `unreachable` (every start ended stationary above the tolerance; exact from a closed form),
+        `limits` (in reach, but only outside of the joint limits), `iteration_limit`, `time_limit`.
+        """
+    @property
+    def reason(self) -> str:
+        """What the status means here, with the numbers; empty when converged."""
+    @property
+    def iterations(self) -> int:
+        """Iterations over all starts; 0 from a closed form."""
+    @property
+    def position_error(self) -> float:
+        """Distance from the target, m, of what counts of it: measured by forward kinematics on `q`."""
+    @property
+    def orientation_error(self) -> float:
+        """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+
+@final
+class IkBatch:
+    """The answers over many poses; row i is that over pose i."""
+
+    def __new__(
+        cls,
+        q: NDArray[np.float64],
+        status: NDArray[Any],
+        iterations: NDArray[np.uint32],
+        position_error: NDArray[np.float64],
+        orientation_error: NDArray[np.float64],
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`, within the limits."""
+    @property
+    def status(self) -> NDArray[Any]:
+        """`(N,)`, an object array of `Status`."""
+    @property
+    def iterations(self) -> NDArray[np.uint32]:
+        """`(N,)`."""
+    @property
+    def position_error(self) -> NDArray[np.float64]:
+        """`(N,)`, m."""
+    @property
+    def orientation_error(self) -> NDArray[np.float64]:
+        """`(N,)`, rad."""
+    def __len__(self) -> int: ...
+
+@final
 class SphericalWristArm:
     """A six-joint arm with a spherical wrist and its closed-form inverse kinematics: PUMA, ABB, KUKA, Fanuc, Staubli.
 

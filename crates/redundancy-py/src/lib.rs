@@ -32,7 +32,7 @@ mod _core {
     #[pymodule_export]
     use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
-    use ik::{PyConfigurations, PySphericalWristArm};
+    use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
     #[pymodule_export]
     use optimum::{
         PyClassification, PyCofactorCondition, PyCriticalPoint, PyFollowedOptimum, PyRankedStart,
