@@ -316,8 +316,9 @@ impl<'a> Follower<'a> {
         let error = at.task().error(&target, at.pose());
         // At a singular or degenerate start Newton's method has nothing to say: it is taken as it is.
         let polished = self.corrector.polish(at, &target, &mut q, FOLLOW_START).is_some();
-        let on_path = error.coordinates.norm() <= FOLLOW_START;
-        if !polished && !(on_path && matches!(kind, Kind::Degenerate | Kind::KinematicSingularity)) {
+        let singular = matches!(kind, Kind::Degenerate | Kind::KinematicSingularity)
+            && error.coordinates.norm() <= FOLLOW_START;
+        if !polished && !singular {
             let residual = self.classifier.residual();
             return Err(Error::Invalid(format!(
                 "q0 is no critical point over the path's start: position error {:.3e} m, orientation error {:.3e} rad, \
