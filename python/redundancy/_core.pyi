@@ -2266,7 +2266,6 @@ class CofactorCondition:
 
     @property
     def condition(self) -> float:
-        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times `classify`'s eigenvalue."""
         """The paper's A, `det(J J^T)` times the eigenvalue of `classify`: negative at a maximum."""
 
 def cofactor_condition(
