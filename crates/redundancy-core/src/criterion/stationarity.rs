@@ -161,9 +161,9 @@ impl<'a> Stationarity<'a> {
         }
     }
 
-    /// The chain.
-    pub fn chain(&self) -> &Chain {
-        &self.chain
+    /// The chain, cheaply cloned: what is read from it does not hold on to this memory.
+    pub fn chain(&self) -> Chain {
+        self.chain.clone()
     }
 
     /// The criterion.
