@@ -9,6 +9,7 @@ mod scratch;
 mod task;
 mod trigonometry;
 
+pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use scratch::{Kinematics, Scratch};
 pub use task::{Task, TaskError, TaskKind, rotation_vector};

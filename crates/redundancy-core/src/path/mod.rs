@@ -25,6 +25,7 @@
 //!
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
+mod bspline;
 #[allow(clippy::module_inception)]
 mod path;
 mod shapes;
@@ -35,6 +36,7 @@ mod trajectory;
 
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
+pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub(crate) use spline::knot_derivatives;
 pub use timing::{TimingSettings, times_within_limits};
 pub use trajectory::{Event, EventKind, Trajectory};
