@@ -10,30 +10,43 @@ use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus};
 
 use crate::path::LocalBasis;
 
-/// Rows `sum a x <= b`, cones `|c + C x| <= r`, gathered one by one.
-pub(super) struct Program {
-    columns: usize,
-    rows: Vec<(usize, f64)>,
+/// Rows `sum a x <= b`.
+#[derive(Default)]
+struct Rows {
+    entries: Vec<(usize, f64)>,
     right: Vec<f64>,
-    starts: Vec<usize>,
-    cones: usize,
+    ends: Vec<usize>,
 }
 
-impl Program {
-    /// `columns` variables.
-    pub fn new(columns: usize) -> Self {
-        Self { columns, rows: Vec::new(), right: Vec::new(), starts: vec![0], cones: 0 }
-    }
-
+impl Rows {
     fn push(&mut self, column: usize, value: f64) {
         if value != 0.0 {
-            self.rows.push((column, value));
+            self.entries.push((column, value));
         }
     }
 
     fn end(&mut self, right: f64) {
         self.right.push(right);
-        self.starts.push(self.rows.len());
+        self.ends.push(self.entries.len());
+    }
+
+    fn row(&self, i: usize) -> &[(usize, f64)] {
+        let start = if i == 0 { 0 } else { self.ends[i - 1] };
+        &self.entries[start..self.ends[i]]
+    }
+}
+
+/// Rows, and cones `|c + C x| <= r` as three rows each, gathered one by one.
+pub(super) struct Program {
+    columns: usize,
+    linear: Rows,
+    cones: Rows,
+}
+
+impl Program {
+    /// `columns` variables.
+    pub fn new(columns: usize) -> Self {
+        Self { columns, linear: Rows::default(), cones: Rows::default() }
     }
 
     /// `sum over orders and channels of gradient * change of (u, u', u'') - scale t <= right`.
@@ -47,60 +60,63 @@ impl Program {
         for j in 0..basis.values[0].len() {
             for c in 0..M {
                 let value: f64 = (0..3).map(|o| basis.values[o][j] * gradient[o][c]).sum();
-                self.push((basis.first + j) * M + c, value);
+                self.linear.push((basis.first + j) * M + c, value);
             }
         }
-        self.push(self.columns - 1, -scale);
-        self.end(right);
+        self.linear.push(self.columns - 1, -scale);
+        self.linear.end(right);
     }
 
     /// `low <= x <= high` for one variable.
     pub fn bounds(&mut self, column: usize, low: f64, high: f64) {
-        self.push(column, 1.0);
-        self.end(high);
-        self.push(column, -1.0);
-        self.end(-low);
+        self.linear.push(column, 1.0);
+        self.linear.end(high);
+        self.linear.push(column, -1.0);
+        self.linear.end(-low);
     }
 
-    /// `|e + change of the first two channels| <= radius`; only after all rows.
+    /// `|e + change of the first two channels| <= radius`.
     pub fn cone<const M: usize>(&mut self, basis: &LocalBasis, tilt: [f64; 2], radius: f64) {
-        self.end(radius);
+        self.cones.end(radius);
         for (c, e) in tilt.into_iter().enumerate() {
             for (j, value) in basis.values[0].iter().enumerate() {
-                self.push((basis.first + j) * M + c, -value);
+                self.cones.push((basis.first + j) * M + c, -value);
             }
-            self.end(e);
+            self.cones.end(e);
         }
-        self.cones += 1;
     }
 
     /// The minimiser of the last variable, or `None` where there is none within the rows.
     pub fn solve(&self) -> Option<Vec<f64>> {
-        let (m, n) = (self.right.len(), self.columns);
+        let n = self.columns;
+        let (linear, conic) = (self.linear.right.len(), self.cones.right.len());
+        let m = linear + conic;
         // Row by row to column by column.
         let mut count = vec![0usize; n + 1];
-        for (column, _) in &self.rows {
+        let entries = self.linear.entries.iter().chain(&self.cones.entries);
+        for (column, _) in entries {
             count[column + 1] += 1;
         }
         for j in 0..n {
             count[j + 1] += count[j];
         }
         let mut next = count.clone();
-        let (mut index, mut value) = (vec![0; self.rows.len()], vec![0.0; self.rows.len()]);
+        let (mut index, mut value) = (vec![0; count[n]], vec![0.0; count[n]]);
         for row in 0..m {
-            for (column, v) in &self.rows[self.starts[row]..self.starts[row + 1]] {
+            let entries = if row < linear { self.linear.row(row) } else { self.cones.row(row - linear) };
+            for (column, v) in entries {
                 index[next[*column]] = row;
                 value[next[*column]] = *v;
                 next[*column] += 1;
             }
         }
+        let right = [self.linear.right.as_slice(), self.cones.right.as_slice()].concat();
         let a = CscMatrix::new(m, n, count, index, value);
         let p = CscMatrix::zeros((n, n));
         let mut cost = vec![0.0; n];
         cost[n - 1] = 1.0;
-        let linear = m - 3 * self.cones;
         let mut cones = vec![NonnegativeConeT(linear)];
-        cones.extend(std::iter::repeat_n(SecondOrderConeT(3), self.cones));
+        cones.extend(std::iter::repeat_n(SecondOrderConeT(3), conic / 3));
         let settings = DefaultSettings {
             verbose: false,
             max_iter: ITERATIONS,
@@ -109,9 +125,12 @@ impl Program {
             tol_feas: GAP,
             presolve_enable: false,
             max_threads: 1,
+            iterative_refinement_reltol: REFINED,
+            iterative_refinement_abstol: REFINED,
+            iterative_refinement_max_iter: 2,
             ..DefaultSettings::default()
         };
-        let mut solver = DefaultSolver::new(&p, &cost, &a, &self.right, &cones, settings).ok()?;
+        let mut solver = DefaultSolver::new(&p, &cost, &a, &right, &cones, settings).ok()?;
         solver.solve();
         match solver.solution.status {
             SolverStatus::Solved | SolverStatus::AlmostSolved => Some(solver.solution.x),
@@ -124,3 +143,5 @@ impl Program {
 const ITERATIONS: u32 = 60;
 /// Gap and residual at which it stops: the step is tried on the exact problem anyway.
 const GAP: f64 = 1e-6;
+/// Residual of the linear systems, far below that.
+const REFINED: f64 = 1e-9;

@@ -280,20 +280,6 @@ where
         let mut program = Program::new(columns);
         // In units of the current t, around it: rows of order one.
         let unit = 1.0 / self.t;
-        // No step can do better than half; a row that cannot reach the new t within the region plays no part.
-        for row in &self.rows {
-            let local = &grid.locals[row.sample];
-            let mut reach = 0.0;
-            for j in 0..local.values[0].len() {
-                for c in 0..M {
-                    reach += (0..3).map(|o| local.values[o][j] * row.gradient[o][c]).sum::<f64>().abs();
-                }
-            }
-            if (row.value + reach * radius) * unit > ACTIVE {
-                let scaled = row.gradient.map(|order| order.map(|g| g * unit));
-                program.local(local, &scaled, 1.0, -row.value * unit);
-            }
-        }
         for k in 0..functions {
             for c in 0..M {
                 let fixed = (c < 2 && frozen[0]) || (c == 2 && frozen[1]);
@@ -335,14 +321,51 @@ where
                 }
             }
         }
-        let x = program.solve()?;
-        let change = (0..functions).map(|k| SVector::from_fn(|c, _| x[k * M + c])).collect();
-        Some((change, x[columns - 1] * self.t))
+        // Rows that lie low join only where the step would break them.
+        let mut taken: Vec<bool> = self.rows.iter().map(|row| row.value * unit > ACTIVE).collect();
+        let add = |program: &mut Program, row: &Row<M>| {
+            let scaled = row.gradient.map(|order| order.map(|g| g * unit));
+            program.local(&grid.locals[row.sample], &scaled, 1.0, -row.value * unit);
+        };
+        for (row, _) in self.rows.iter().zip(&taken).filter(|(_, taken)| **taken) {
+            add(&mut program, row);
+        }
+        for _ in 0..CUTS {
+            let x = program.solve()?;
+            let change: Vec<SVector<f64, M>> =
+                (0..functions).map(|k| SVector::from_fn(|c, _| x[k * M + c])).collect();
+            let (promised, mut broken) = (x[columns - 1], 0);
+            let mut du = [[0.0; M]; 3];
+            let mut sample = usize::MAX;
+            for (row, taken) in self.rows.iter().zip(&mut taken) {
+                if row.sample != sample {
+                    sample = row.sample;
+                    du = at(&grid.locals[sample], &change);
+                }
+                if !*taken {
+                    let slope: f64 =
+                        (0..3).flat_map(|o| (0..M).map(move |c| (o, c))).map(|(o, c)| row.gradient[o][c] * du[o][c]).sum();
+                    if (row.value + slope) * unit > promised + BROKEN {
+                        *taken = true;
+                        broken += 1;
+                        add(&mut program, row);
+                    }
+                }
+            }
+            if broken == 0 {
+                return Some((change, promised * self.t));
+            }
+        }
+        None
     }
 }
 
-/// Share of the current `t` that a row must be able to reach to be part of a step.
-const ACTIVE: f64 = 0.75;
+/// Share of the current `t` above which a row is part of a step from the beginning.
+const ACTIVE: f64 = 0.6;
+/// Excess over the promised `t`, in units of the current one, at which a row that was left out joins.
+const BROKEN: f64 = 2e-3;
+/// Most times that rows join.
+const CUTS: usize = 12;
 /// The spin moves the tool's axis only through the offset of the tool: its region is wider.
 const SPIN_RADIUS: f64 = 2.0;
 /// Every how many samples the cone is imposed; between them the margin covers it.
