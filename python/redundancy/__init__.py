@@ -3,6 +3,7 @@
 from redundancy import catalog, orientation_rules, paths, quaternion
 from redundancy._core import (
     Branch,
+    CannotFollowError,
     Chain,
     Choice,
     ChoiceBatch,
@@ -19,6 +20,7 @@ from redundancy._core import (
     NotSphericalWristError,
     NotSrsError,
     OrientationOptimizer,
+    OrientationPlan,
     OrientationRule,
     OrientationSolution,
     Path,
@@ -38,6 +40,7 @@ from redundancy._core import (
     fastest_profile,
     max_speed,
     optimal_directions,
+    plan_orientation,
     plan_swivel,
     times_within_limits,
 )
@@ -45,6 +48,7 @@ from redundancy.status import EventKind, Status
 
 __all__ = [
     "Branch",
+    "CannotFollowError",
     "Chain",
     "Choice",
     "ChoiceBatch",
@@ -62,6 +66,7 @@ __all__ = [
     "NotSphericalWristError",
     "NotSrsError",
     "OrientationOptimizer",
+    "OrientationPlan",
     "OrientationRule",
     "OrientationSolution",
     "Path",
@@ -85,6 +90,7 @@ __all__ = [
     "optimal_directions",
     "orientation_rules",
     "paths",
+    "plan_orientation",
     "plan_swivel",
     "quaternion",
     "times_within_limits",

@@ -8,6 +8,7 @@ mod convert;
 mod criterion;
 mod error;
 mod ik;
+mod orientation_plan;
 mod path;
 mod planning;
 mod rotation;
@@ -26,6 +27,8 @@ mod _core {
     use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use ik::{PyConfigurations, PySphericalWristArm};
+    #[pymodule_export]
+    use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

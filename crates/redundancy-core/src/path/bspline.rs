@@ -94,7 +94,11 @@ impl QuinticBasis {
     }
 
     /// Coefficients of the spline that takes `values` at `sites`: as many as functions, each within its function's support.
-    pub fn interpolate<const D: usize>(&self, sites: &[f64], values: &[SVector<f64, D>]) -> Vec<SVector<f64, D>> {
+    pub fn interpolate<const D: usize>(
+        &self,
+        sites: &[f64],
+        values: &[SVector<f64, D>],
+    ) -> Vec<SVector<f64, D>> {
         let n = self.len();
         // Row i holds columns i - P ..= i + P.
         let mut band = vec![[0.0; 2 * P + 1]; n];
@@ -158,7 +162,9 @@ impl<const D: usize> QuinticSpline<D> {
     pub fn at(&self, s: f64) -> [SVector<f64, D>; 3] {
         let local = self.basis.at(s);
         local.values.map(|row| {
-            row.iter().enumerate().fold(SVector::zeros(), |sum, (j, b)| sum + self.coefficients[local.first + j] * *b)
+            row.iter()
+                .enumerate()
+                .fold(SVector::zeros(), |sum, (j, b)| sum + self.coefficients[local.first + j] * *b)
         })
     }
 }

@@ -34,9 +34,9 @@ mod table;
 mod timing;
 mod trajectory;
 
+pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
-pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub(crate) use spline::knot_derivatives;
 pub use timing::{TimingSettings, times_within_limits};
 pub use trajectory::{Event, EventKind, Trajectory};

@@ -223,7 +223,7 @@ pub fn fastest_line(
     }
     best.ok_or_else(|| match reason {
         Some(Failure::Speed(error)) => error,
-        Some(Failure::Limits(j, k)) => Error::Invalid(format!(
+        Some(Failure::Limits(j, k)) => Error::CannotFollow(format!(
             "no branch holds the joint limits along the path; the best one leaves those of joint '{}' at point {k}",
             chain.joints()[j].name
         )),
@@ -252,18 +252,18 @@ impl Failure {
 pub(super) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEnd) -> Error {
     let total = poses.len();
     if why == LineEnd::Jump {
-        return Error::Invalid(format!("the arm would have to jump before point {k} of {total}"));
+        return Error::CannotFollow(format!("the arm would have to jump before point {k} of {total}"));
     }
     let far = lines::unreachable(chain, poses);
     if let (Some(first), Some(last)) = (far.first(), far.last()) {
         let count = far.len();
         let which = if last - first + 1 == count { format!("{first} to {last}") } else { list(&far) };
-        return Error::Invalid(format!(
+        return Error::CannotFollow(format!(
             "{count} of {total} points are out of the workspace, indices {which}"
         ));
     }
     let p = poses[k].translation.vector;
-    Error::Invalid(format!(
+    Error::CannotFollow(format!(
         "the arm cannot follow the path: point {k} of {total} at ({:.4}, {:.4}, {:.4}) is not reached on this branch",
         p.x, p.y, p.z
     ))
@@ -370,7 +370,7 @@ impl Terms {
         }
         let Some((_, i)) = worst else { return Ok(()) };
         let (k, j) = (i / self.n, i % self.n);
-        Err(Error::Invalid(format!(
+        Err(Error::CannotFollow(format!(
             "joint '{}' needs {:.4} N m at point {k} to hold the arm alone, its torque limit is {}",
             chain.joints()[j].name,
             self.weights[i].abs(),

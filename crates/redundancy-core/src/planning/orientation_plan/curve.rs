@@ -183,9 +183,7 @@ impl CurvePoint {
             [bxy, one + -(b * x * x), a * x],
             [y * sinc, -(x * sinc), cos],
         ];
-        let pick = |f: &dyn Fn(&Jet) -> f64| {
-            Matrix3::from_fn(|row, column| f(&columns[column][row]))
-        };
+        let pick = |f: &dyn Fn(&Jet) -> f64| Matrix3::from_fn(|row, column| f(&columns[column][row]));
         let n = &self.rotation;
         let [l, d, dd] = [n * pick(&|j| j.0), n * pick(&|j| j.1), n * pick(&|j| j.2)];
         let [w, w_rate] = self.turn;
@@ -194,9 +192,15 @@ impl CurvePoint {
         let second = w_rate.cross_matrix() * l + cross * (cross * l) + (cross * d) * 2.0 + dd;
         let vector = |i: usize| Vector3::from(u[i]);
         let tilt = Matrix3::new(
-            1.0 - a.0 * y.0 * y.0, a.0 * x.0 * y.0, sinc.0 * y.0,
-            a.0 * x.0 * y.0, 1.0 - a.0 * x.0 * x.0, -sinc.0 * x.0,
-            -sinc.0 * y.0, sinc.0 * x.0, cos.0,
+            1.0 - a.0 * y.0 * y.0,
+            a.0 * x.0 * y.0,
+            sinc.0 * y.0,
+            a.0 * x.0 * y.0,
+            1.0 - a.0 * x.0 * x.0,
+            -sinc.0 * x.0,
+            -sinc.0 * y.0,
+            sinc.0 * x.0,
+            cos.0,
         );
         let (sin_psi, cos_psi) = u[0][2].sin_cos();
         let spin = Matrix3::new(cos_psi, -sin_psi, 0.0, sin_psi, cos_psi, 0.0, 0.0, 0.0, 1.0);

@@ -44,21 +44,26 @@ use crate::tolerance::JOINT_JUMP;
 
 /// Largest step (m) of the grid on which a plan is verified and returned.
 const VERIFIED_STEP: f64 = 4e-4;
-/// Spline intervals per metre and samples per interval: of the first rounds, and of the last ones.
-const COARSE: (f64, usize) = (22.0, 4);
-const FINE: (f64, usize) = (36.0, 8);
+/// One resolution of the search: spline intervals per metre, samples per interval, and rounds of so many candidates that get
+/// so many convex steps.
+struct Level {
+    per_metre: f64,
+    samples: usize,
+    rounds: &'static [(usize, usize)],
+    /// Part of the time limit after which it ends.
+    share: f64,
+}
+
+/// From many starts on a coarse spline to a few plans on a fine one.
+const LEVELS: [Level; 3] = [
+    Level { per_metre: 12.0, samples: 4, rounds: &[(240, 2), (100, 4), (48, 8), (24, 12)], share: 0.3 },
+    Level { per_metre: 22.0, samples: 5, rounds: &[(12, 10), (6, 20)], share: 0.6 },
+    Level { per_metre: 36.0, samples: 8, rounds: &[(3, 12), (2, 400)], share: 0.97 },
+];
 /// Fewest intervals, for short paths.
 const LEAST_INTERVALS: usize = 10;
 /// Most intervals: beyond, a path is too long for one program.
 const MOST_INTERVALS: usize = 400;
-/// Candidates and convex steps of each coarse round.
-const ROUNDS: [(usize, usize); 4] = [(40, 4), (20, 8), (10, 14), (5, 24)];
-/// Candidates and steps on the fine grid.
-const LAST: (usize, usize) = (3, 80);
-/// Parts of the time limit after which the coarse rounds and everything end.
-const COARSE_SHARE: f64 = 0.55;
-const WHOLE_SHARE: f64 = 0.97;
-
 /// How far the tool may turn about its axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SpinRange {
@@ -226,15 +231,14 @@ impl OrientationPlan {
         }
     }
 
-    /// The plan as a trajectory at its constant speed.
+    /// The plan as a trajectory of the chain's joints at its constant speed.
     ///
     /// # Errors
-    /// None for a plan of this chain.
-    pub fn trajectory(&self, chain: &Chain) -> Result<Trajectory> {
+    /// Not one name per joint, names used twice.
+    pub fn trajectory(&self, joint_names: &[String]) -> Result<Trajectory> {
         let first = self.s.first().copied().unwrap_or(0.0);
         let t = self.s.iter().map(|s| (s - first) / self.speed).collect();
-        let names = chain.joints().iter().map(|j| j.name.clone()).collect();
-        Trajectory::new(names, t, self.q.clone(), Some(self.qd.clone()), Vec::<Event>::new())
+        Trajectory::new(joint_names.to_vec(), t, self.q.clone(), Some(self.qd.clone()), Vec::<Event>::new())
     }
 }
 
@@ -271,7 +275,9 @@ pub fn plan_orientation(
     match chain.dof() {
         6 => Planner::<6, 3>::new(chain, path, settings, watch)?.run(),
         7 => Planner::<7, 4>::new(chain, path, settings, watch)?.run(),
-        n => Err(Error::Invalid(format!("'{}' has {n} joints: plans are made for six or seven", chain.name()))),
+        n => {
+            Err(Error::Invalid(format!("'{}' has {n} joints: plans are made for six or seven", chain.name())))
+        }
     }
 }
 
@@ -360,30 +366,33 @@ where
     }
 
     fn run(self) -> Result<OrientationPlan> {
-        let coarse = Grid::new(&self.curve, self.intervals(COARSE.0), COARSE.1);
-        let mut candidates = self.starts(&coarse);
+        let mut grid = Grid::new(&self.curve, self.intervals(LEVELS[0].per_metre), LEVELS[0].samples);
+        let mut candidates = self.starts(&grid);
         let starts = candidates.len();
         if candidates.is_empty() {
             return Ok(self.nothing());
         }
         let mut best: Option<Verified> = None;
-        self.keep_best(&coarse.basis, &candidates[..1], &mut best);
+        self.keep_best(&grid.basis, &candidates[..1], &mut best);
         let mut finished = true;
-        for (count, steps) in ROUNDS {
-            candidates.truncate(count);
-            finished = self.improve(&coarse, &mut candidates, steps, COARSE_SHARE);
-            self.keep_best(&coarse.basis, &candidates[..1], &mut best);
-            if self.over(COARSE_SHARE) {
-                break;
+        for (i, level) in LEVELS.iter().enumerate() {
+            if i > 0 {
+                let finer = Grid::new(&self.curve, self.intervals(level.per_metre), level.samples);
+                candidates.truncate(level.rounds.first().map_or(1, |round| round.0));
+                let refined: Vec<Candidate<N, M>> =
+                    candidates.par_iter().filter_map(|c| self.refine(&grid, &finer, c)).collect();
+                // A plan that is none on the finer grid was none before.
+                if refined.is_empty() {
+                    break;
+                }
+                (grid, candidates) = (finer, refined);
             }
-        }
-        candidates.truncate(LAST.0);
-        let fine = Grid::new(&self.curve, self.intervals(FINE.0), FINE.1);
-        let mut refined: Vec<Candidate<N, M>> =
-            candidates.par_iter().filter_map(|c| self.refine(&coarse, &fine, c)).collect();
-        if !refined.is_empty() {
-            finished = self.improve(&fine, &mut refined, LAST.1, WHOLE_SHARE);
-            self.keep_best(&fine.basis, &refined, &mut best);
+            for (count, steps) in level.rounds {
+                candidates.truncate(*count);
+                finished = self.improve(&grid, &mut candidates, *steps, level.share);
+            }
+            let kept = candidates.len().min(KEPT);
+            self.keep_best(&grid.basis, &candidates[..kept], &mut best);
         }
         let constant_speed = self.constant_speed();
         self.watch.report(1.0, 0.0);
@@ -395,7 +404,10 @@ where
             (Status::Converged, String::new())
         } else {
             let limit = self.settings.time_limit;
-            (Status::TimeLimit, format!("the time limit of {limit} s ended the search; this is the best plan so far"))
+            (
+                Status::TimeLimit,
+                format!("the time limit of {limit} s ended the search; this is the best plan so far"),
+            )
         };
         let steps = self.steps.load(Ordering::Relaxed);
         Ok(OrientationPlan { status, reason, constant_speed, starts, steps, ..best.plan })
@@ -404,7 +416,11 @@ where
     /// Why there is no plan at all.
     fn nothing(&self) -> OrientationPlan {
         if self.watch.cancelled.load(Ordering::Relaxed) {
-            return OrientationPlan::none(Status::Cancelled, "stopped before the first plan".into(), Vec::new());
+            return OrientationPlan::none(
+                Status::Cancelled,
+                "stopped before the first plan".into(),
+                Vec::new(),
+            );
         }
         // Points that are out of reach with every orientation of a sparse set in the cone.
         let poses = self.plain_poses(self.path.s());
@@ -421,7 +437,8 @@ where
                     if psi.min(TAU - psi) > self.bounds.spin {
                         continue;
                     }
-                    let left: Vec<Pose> = blocked.iter().map(|k| self.pose_at(self.path.s()[*k], [e[0], e[1], psi])).collect();
+                    let left: Vec<Pose> =
+                        blocked.iter().map(|k| self.pose_at(self.path.s()[*k], [e[0], e[1], psi])).collect();
                     let still = lines::unreachable(self.chain, &left);
                     blocked = still.into_iter().map(|i| blocked[i]).collect();
                 }
@@ -429,13 +446,16 @@ where
         }
         if let (Some(first), Some(last)) = (blocked.first(), blocked.last()) {
             let (count, total) = (blocked.len(), self.path.len());
-            let reason = format!("{count} of {total} points are out of the workspace, the first is {first}, the last {last}");
+            let reason = format!(
+                "{count} of {total} points are out of the workspace, the first is {first}, the last {last}"
+            );
             return OrientationPlan::none(Status::Unreachable, reason, blocked);
         }
         if let Some(reason) = self.too_heavy(&poses) {
             return OrientationPlan::none(Status::Infeasible, reason, Vec::new());
         }
-        let what = if self.settings.speed.joint_limits { "the joint limits along the path" } else { "the path" };
+        let what =
+            if self.settings.speed.joint_limits { "the joint limits along the path" } else { "the path" };
         let reason = format!(
             "no start holds {what} within {:.4} rad of the path's tool axis: every branch jumps, meets a singular configuration or \
              leaves a limit",
@@ -638,15 +658,14 @@ where
             .map(|s| SVector::from(search::at(&from.basis.at(*s), &candidate.state.coefficients)[0]))
             .collect();
         let coefficients = to.basis.interpolate(&sites, &values);
-        let near: Vec<SVector<f64, N>> = to
-            .s
-            .iter()
-            .map(|s| {
-                let i = from.s.partition_point(|x| x <= s).clamp(1, from.s.len() - 1);
-                let u = (s - from.s[i - 1]) / (from.s[i] - from.s[i - 1]);
-                candidate.state.q[i - 1] * (1.0 - u) + candidate.state.q[i] * u
-            })
-            .collect();
+        let near: Vec<SVector<f64, N>> =
+            to.s.iter()
+                .map(|s| {
+                    let i = from.s.partition_point(|x| x <= s).clamp(1, from.s.len() - 1);
+                    let u = (s - from.s[i - 1]) / (from.s[i] - from.s[i - 1]);
+                    candidate.state.q[i - 1] * (1.0 - u) + candidate.state.q[i] * u
+                })
+                .collect();
         let spare = candidate.spare.clone();
         let mut work = Workspace::new(self.chain);
         let arm = self.arm(&spare);
@@ -738,8 +757,10 @@ enum Spin {
     Pointing { turns: f64 },
 }
 
+/// Candidates of a level that are verified.
+const KEPT: usize = 3;
 /// Part of the time limit that the starts may take.
-const START_SHARE: f64 = 0.25;
+const START_SHARE: f64 = 0.2;
 /// Radius with which a refined candidate goes on at least.
 const REFINED_RADIUS: f64 = 0.05;
 /// How many times finer than the samples the grid of the verification is at least.

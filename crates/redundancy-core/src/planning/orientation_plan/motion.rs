@@ -104,7 +104,13 @@ where
     }
 
     /// Moves `q` onto the pose and the spare coordinates. `None` where that fails or jumps.
-    fn meet(&self, wanted: &Pose, spare: &[f64], q: &mut SVector<f64, N>, work: &mut Workspace<N>) -> Option<()> {
+    fn meet(
+        &self,
+        wanted: &Pose,
+        spare: &[f64],
+        q: &mut SVector<f64, N>,
+        work: &mut Workspace<N>,
+    ) -> Option<()> {
         let start = *q;
         for _ in 0..NEWTON_STEPS {
             let (jacobian, pose) = self.jacobian(q, work);
@@ -210,7 +216,13 @@ where
     }
 
     /// Axes and points on them with their derivatives along the path, up to the first without `dd`, else the second.
-    fn frames(&self, q: &SVector<f64, N>, d: &SVector<f64, N>, dd: Option<&SVector<f64, N>>, work: &mut Workspace<N>) {
+    fn frames(
+        &self,
+        q: &SVector<f64, N>,
+        d: &SVector<f64, N>,
+        dd: Option<&SVector<f64, N>>,
+        work: &mut Workspace<N>,
+    ) {
         let zero = Vector3::zeros();
         let (mut omega, mut alpha) = (zero, zero);
         let mut previous = [zero; 3];
@@ -267,7 +279,12 @@ where
         speed
     }
 
-    fn jacobian_second(&self, pose: &Pose, position: &[Vector3<f64>; 3], work: &Workspace<N>) -> SMatrix<f64, N, N> {
+    fn jacobian_second(
+        &self,
+        pose: &Pose,
+        position: &[Vector3<f64>; 3],
+        work: &Workspace<N>,
+    ) -> SMatrix<f64, N, N> {
         let mut out = SMatrix::<f64, N, N>::zeros();
         let p = pose.translation.vector;
         for (j, step) in self.chain.steps().iter().enumerate().take(N) {

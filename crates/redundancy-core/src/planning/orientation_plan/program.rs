@@ -142,6 +142,6 @@ impl Program {
 /// Most iterations of the interior-point method; 15 to 30 are usual.
 const ITERATIONS: u32 = 60;
 /// Gap and residual at which it stops: the step is tried on the exact problem anyway.
-const GAP: f64 = 1e-6;
+const GAP: f64 = 1e-5;
 /// Residual of the linear systems, far below that.
 const REFINED: f64 = 1e-9;

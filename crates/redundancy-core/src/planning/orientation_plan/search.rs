@@ -89,6 +89,8 @@ pub(super) struct State<const N: usize, const M: usize> {
     pub done: bool,
     rows: Vec<Row<M>>,
     by_u: Vec<SMatrix<f64, N, M>>,
+    /// Rows that mattered in the last step.
+    tight: Vec<bool>,
 }
 
 /// Why coefficients are not a plan.
@@ -159,7 +161,9 @@ fn gradient<const N: usize, const M: usize>(
             // d |omega|^2 = 2 omega . (A' du + A du'): what turns with omega does not change its length.
             let scale = 2.0 / (bounds.rate * bounds.rate);
             let part = |o: usize| -> [f64; M] {
-                std::array::from_fn(|c| if c < 3 { motion.omega.dot(&by.turn[o].column(c)) * scale } else { 0.0 })
+                std::array::from_fn(
+                    |c| if c < 3 { motion.omega.dot(&by.turn[o].column(c)) * scale } else { 0.0 },
+                )
             };
             [part(1), part(0), [0.0; M]]
         }
@@ -188,6 +192,7 @@ where
             done: false,
             rows: Vec::with_capacity(samples * (2 * N + 1)),
             by_u: Vec::with_capacity(samples),
+            tight: Vec::new(),
         };
         let zero = SMatrix::zeros();
         let mut by = Sensitivity {
@@ -222,15 +227,23 @@ where
     }
 
     /// One convex step; true while there may be more.
-    pub fn step(&mut self, arm: &Arm<'_, N>, grid: &Grid, bounds: &Bounds, frozen: [bool; 2], work: &mut Workspace<N>) -> bool {
+    pub fn step(
+        &mut self,
+        arm: &Arm<'_, N>,
+        grid: &Grid,
+        bounds: &Bounds,
+        frozen: [bool; 2],
+        work: &mut Workspace<N>,
+    ) -> bool {
         if self.done {
             return false;
         }
-        let Some((change, predicted)) = self.convex_step(grid, bounds, frozen) else {
+        let Some((change, predicted, tight)) = self.convex_step(grid, bounds, frozen) else {
             self.shrink(0.3);
             return !self.done;
         };
         let gain = self.t - predicted;
+        self.tight = tight;
         if gain < DECREASE * self.t {
             if self.radius < 0.05 * RADIUS || gain <= 0.0 {
                 self.done = true;
@@ -238,8 +251,7 @@ where
             self.shrink(0.3);
             return !self.done;
         }
-        let moved: Vec<SVector<f64, M>> =
-            self.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
+        let moved: Vec<SVector<f64, M>> = self.coefficients.iter().zip(&change).map(|(c, d)| c + d).collect();
         let near: Vec<SVector<f64, N>> = (0..grid.s.len())
             .map(|k| {
                 let local = &grid.locals[k];
@@ -253,6 +265,7 @@ where
         match Self::new(arm, grid, bounds, moved, &near, work) {
             Ok(mut next) if next.t < self.t - 0.1 * gain => {
                 let ratio = (self.t - next.t) / gain;
+                next.tight = std::mem::take(&mut self.tight);
                 next.radius = if ratio > 0.7 {
                     (1.6 * self.radius).min(RADIUS)
                 } else if ratio < 0.35 {
@@ -272,8 +285,13 @@ where
         self.done |= self.radius < RADIUS_LEAST;
     }
 
-    /// Change of the coefficients and the `t` that the linear model promises.
-    fn convex_step(&self, grid: &Grid, bounds: &Bounds, frozen: [bool; 2]) -> Option<(Vec<SVector<f64, M>>, f64)> {
+    /// Change of the coefficients, the `t` that the linear model promises, and the rows near it.
+    fn convex_step(
+        &self,
+        grid: &Grid,
+        bounds: &Bounds,
+        frozen: [bool; 2],
+    ) -> Option<(Vec<SVector<f64, M>>, f64, Vec<bool>)> {
         let functions = grid.basis.len();
         let columns = functions * M + 1;
         let radius = self.radius;
@@ -283,14 +301,21 @@ where
         for k in 0..functions {
             for c in 0..M {
                 let fixed = (c < 2 && frozen[0]) || (c == 2 && frozen[1]);
-                let r = if fixed { 0.0 } else if c == 2 { SPIN_RADIUS * radius } else { radius };
+                let r = if fixed {
+                    0.0
+                } else if c == 2 {
+                    SPIN_RADIUS * radius
+                } else {
+                    radius
+                };
                 program.bounds(k * M + c, -r, r);
             }
         }
         for (k, q) in self.q.iter().enumerate() {
             let local = &grid.locals[k];
             for j in 0..N {
-                let reach: f64 = (0..M).map(|c| self.by_u[k][(j, c)].abs()).sum::<f64>() * SPIN_RADIUS * radius;
+                let reach: f64 =
+                    (0..M).map(|c| self.by_u[k][(j, c)].abs()).sum::<f64>() * SPIN_RADIUS * radius;
                 let none = [0.0; M];
                 if q[j] + reach > bounds.upper[j] - MARGIN {
                     let room = (bounds.upper[j] - MARGIN - q[j]).max(0.0);
@@ -322,7 +347,9 @@ where
             }
         }
         // Rows that lie low join only where the step would break them.
-        let mut taken: Vec<bool> = self.rows.iter().map(|row| row.value * unit > ACTIVE).collect();
+        let was_tight = |i: usize| self.tight.get(i).copied().unwrap_or(false);
+        let mut taken: Vec<bool> =
+            self.rows.iter().enumerate().map(|(i, row)| row.value * unit > ACTIVE || was_tight(i)).collect();
         let add = |program: &mut Program, row: &Row<M>| {
             let scaled = row.gradient.map(|order| order.map(|g| g * unit));
             program.local(&grid.locals[row.sample], &scaled, 1.0, -row.value * unit);
@@ -335,25 +362,29 @@ where
             let change: Vec<SVector<f64, M>> =
                 (0..functions).map(|k| SVector::from_fn(|c, _| x[k * M + c])).collect();
             let (promised, mut broken) = (x[columns - 1], 0);
+            let mut tight = vec![false; self.rows.len()];
             let mut du = [[0.0; M]; 3];
             let mut sample = usize::MAX;
-            for (row, taken) in self.rows.iter().zip(&mut taken) {
+            for (i, row) in self.rows.iter().enumerate() {
                 if row.sample != sample {
                     sample = row.sample;
                     du = at(&grid.locals[sample], &change);
                 }
-                if !*taken {
-                    let slope: f64 =
-                        (0..3).flat_map(|o| (0..M).map(move |c| (o, c))).map(|(o, c)| row.gradient[o][c] * du[o][c]).sum();
-                    if (row.value + slope) * unit > promised + BROKEN {
-                        *taken = true;
-                        broken += 1;
-                        add(&mut program, row);
+                let mut value = row.value;
+                for (gradient, du) in row.gradient.iter().zip(&du) {
+                    for (g, d) in gradient.iter().zip(du) {
+                        value += g * d;
                     }
+                }
+                tight[i] = value * unit > promised - NEAR;
+                if !taken[i] && value * unit > promised + BROKEN {
+                    taken[i] = true;
+                    broken += 1;
+                    add(&mut program, row);
                 }
             }
             if broken == 0 {
-                return Some((change, promised * self.t));
+                return Some((change, promised * self.t, tight));
             }
         }
         None
@@ -361,7 +392,9 @@ where
 }
 
 /// Share of the current `t` above which a row is part of a step from the beginning.
-const ACTIVE: f64 = 0.6;
+const ACTIVE: f64 = 0.8;
+/// Distance from the promised `t`, in the same units, within which a row is taken along to the next step.
+const NEAR: f64 = 0.08;
 /// Excess over the promised `t`, in units of the current one, at which a row that was left out joins.
 const BROKEN: f64 = 2e-3;
 /// Most times that rows join.
