@@ -259,7 +259,8 @@ pub fn py_plan_orientation<'py>(
     let plan = py.detach(|| {
         std::thread::scope(|scope| {
             let work = || plan_orientation(&chain, &path, &settings, &watch);
-            let running = scope.spawn(|| match &pool {
+            let pool = &pool;
+            let running = scope.spawn(move || match pool {
                 Some(pool) => pool.install(work),
                 None => work(),
             });

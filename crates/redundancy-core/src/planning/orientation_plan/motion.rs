@@ -126,7 +126,8 @@ where
             }
             let step = solve(&jacobian, &error)?;
             *q += step;
-            if !((*q - start).amax() <= JOINT_JUMP) {
+            let near = (*q - start).amax() <= JOINT_JUMP;
+            if !near {
                 return None;
             }
             if error.amax() < LINE_RESIDUAL {
@@ -152,8 +153,7 @@ where
         self.meet(&wanted, &u[0][3..], &mut q, work)?;
         let (jacobian, _) = self.jacobian(&q, work);
         let factor = jacobian.lu();
-        let diagonal = factor.u().diagonal().abs();
-        if !(diagonal.min() > LINE_SINGULAR * diagonal.max()) {
+        if !regular(&factor.u().diagonal()) {
             return None;
         }
         let right = |linear: &Vector3<f64>, angular: &Vector3<f64>, spare: &[f64]| {
@@ -323,9 +323,11 @@ where
     Const<N>: Size,
 {
     let factor = jacobian.lu();
-    let diagonal = factor.u().diagonal().abs();
-    if !(diagonal.min() > LINE_SINGULAR * diagonal.max()) {
-        return None;
-    }
-    factor.solve(error)
+    if regular(&factor.u().diagonal()) { factor.solve(error) } else { None }
+}
+
+/// Whether pivots leave digits for second derivatives; false for NaN.
+fn regular<const N: usize>(pivots: &SVector<f64, N>) -> bool {
+    let size = pivots.abs();
+    size.min() > LINE_SINGULAR * size.max()
 }
