@@ -421,30 +421,34 @@ def _progress(points: int) -> AbstractContextManager[Progress]:
 @app.command()
 def paint(
     robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
-    path: Annotated[File, typer.Option(help="CSV: x,y,z (m); qw,qx,qy,qz where the tool is not to point down.")],
+    path: Annotated[
+        File, typer.Option(help="CSV: x,y,z (m); qw,qx,qy,qz where the tool is not to point down.")
+    ],
     out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
-    rule: Annotated[
-        str, typer.Option(help=f"all, or names with commas: {', '.join(_paint.RULES)}.")
-    ] = "all",
+    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_paint.RULES)}.")] = "all",
     plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
-    half_angle: Annotated[float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")] = 20.0,
+    half_angle: Annotated[
+        float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
+    ] = 20.0,
     angle: Annotated[float, typer.Option(help="Largest lean of the tilt rules, degrees.")] = 10.0,
-    spin: Annotated[str, typer.Option(help="Spin of the plan: free, or the largest angle in degrees.")] = "free",
+    spin: Annotated[
+        str, typer.Option(help="Spin of the plan: free, or the largest angle in degrees.")
+    ] = "free",
     torque_limits: Annotated[str, typer.Option(help="chain, off, or N m with commas.")] = "chain",
     torque_margin: Annotated[float, typer.Option(help="Part of the torque limits kept free, percent.")] = 0.0,
     velocity_limits: Annotated[str, typer.Option(help="off, chain, or deg/s with commas.")] = "off",
     joint_limits: Annotated[bool, typer.Option(help="Whether the position limits hold.")] = True,
     max_rate: Annotated[float | None, typer.Option(help="Plan: fastest turn of the tool, deg/s.")] = None,
-    time_limit: Annotated[float, typer.Option(help="Plan: seconds after which the best so far is taken.")] = 60.0,
+    time_limit: Annotated[float, typer.Option(help="Plan: seconds until the best so far is taken.")] = 60.0,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs and the report.")] = True,
 ) -> None:
     """How fast can the gun paint: constant orientation, the rules of the papers, a plan for the whole path.
 
-    Prints the highest constant speed of each, and writes the fastest (the plan, where one is asked for): trajectory.csv,
-    trajectory.json, summary.json, PNGs, and report.html, which opens without a network.
+    Prints the highest constant speed of each, and writes the fastest (the plan, where one is asked for):
+    trajectory.csv, trajectory.json, summary.json, PNGs, and report.html, which opens without a network.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy paint --robot puma560 --tool -0.15,0,0.4 --path path.csv --out run/
@@ -501,7 +505,9 @@ def paint_job(job: _paint.Job) -> None:
             raise StoppedError from error
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in _paint.HEADER:
-        table.add_column(title, overflow="fold", justify="right" if title in {"speed (m/s)", "gain"} else "left")
+        table.add_column(
+            title, overflow="fold", justify="right" if title in {"speed (m/s)", "gain"} else "left"
+        )
     for choice in job.choices:
         table.add_row(*(escape(cell) for cell in _paint.cells(choice)))
     console = _out if _out.is_terminal else Console(width=160, highlight=False)
@@ -515,7 +521,9 @@ def _rules(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     for name in names:
         if name not in _paint.RULES:
-            raise rd.RedundancyError(f"--rule has '{name}', expected all or some of: {', '.join(_paint.RULES)}")
+            raise rd.RedundancyError(
+                f"--rule has '{name}', expected all or some of: {', '.join(_paint.RULES)}"
+            )
     # The gain is over a constant orientation, so that is measured first, always.
     return ("constant", *(name for name in names if name != "constant"))
 
@@ -560,9 +568,8 @@ def demo(
         _out.print()
     file = out / "paint_path.csv"
     demo_spray().to_csv(file)
-    command = (
-        f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4 --out {out / 'paint'}"
-    )
+    command = f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4"
+    command += f" --out {out / 'paint'}"
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
     tool = np.eye(4)
     tool[:3, 3] = (-0.15, 0.0, 0.4)

@@ -246,9 +246,7 @@ class Job:
 
     def _report(self, pictures: dict[str, bytes]) -> str:
         rows = "".join(
-            "<tr>"
-            + "".join(f"<td>{html(cell)}</td>" for cell in cells(choice))
-            + "</tr>"
+            "<tr>" + "".join(f"<td>{html(cell)}</td>" for cell in cells(choice)) + "</tr>"
             for choice in self.choices
         )
         images = "".join(
@@ -264,15 +262,19 @@ class Job:
             f"{best.speed:.4f} m/s ({html(best.name)})"
         )
         return _PAGE.format(
-            title=html(f"{self.chain.name} paints {self.path_file.name}"), what=what, head=head, rows=rows, images=images
+            title=html(f"{self.chain.name} paints {self.path_file.name}"),
+            what=what,
+            head=head,
+            rows=rows,
+            images=images,
         )
 
 
 HEADER = ("orientation", "speed (m/s)", "gain", "limited by", "at", "remark")
 CAPTIONS = {
     "speeds.png": "Highest constant tool speed.",
-    "torques.png": "Torques of the written motion (blue) against their limits (dashed), and those of the constant orientation "
-    "at its own highest speed (grey).",
+    "torques.png": "Torques of the written motion (blue) against their limits (dashed), and those of the constant "
+    "orientation at its own highest speed (grey).",
     "orientation.png": "Tilt against the cone (dashed), and spin about the tool axis.",
     "path.png": "The path from above.",
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use numpy::PyArray1;
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use redundancy_core::planning::{
     OrientationPlan, OrientationPlanSettings, PlanWatch, SpeedLimit, SpinRange, plan_orientation,
@@ -267,12 +268,18 @@ pub fn py_plan_orientation<'py>(
             while !running.is_finished() {
                 std::thread::park_timeout(LOOK);
                 let look = |py: Python<'_>| -> PyResult<()> {
-                    if py.check_signals().is_err() {
-                        // Ctrl-C: the best plan so far is the answer, and says so.
-                        watch.cancel();
+                    let call = progress.as_ref().filter(|_| stopped.is_none());
+                    let seen = py.check_signals().and_then(|()| {
+                        call.map_or(Ok(()), |call| call.call1(py, (watch.share(), watch.speed())).map(drop))
+                    });
+                    // Ctrl-C: the best plan so far is the answer, and says so.
+                    match seen {
+                        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
+                            watch.cancel();
+                            Ok(())
+                        }
+                        other => other,
                     }
-                    let Some(call) = progress.as_ref().filter(|_| stopped.is_none()) else { return Ok(()) };
-                    call.call1(py, (watch.share(), watch.speed())).map(drop)
                 };
                 if let Err(error) = Python::attach(look) {
                     watch.cancel();
