@@ -80,6 +80,14 @@ impl SpeedSettings {
         }
         Err(Error::Invalid("no torque or velocity limit is given: nothing bounds the speed".into()))
     }
+
+    /// Torque limits need inertias.
+    pub(super) fn check_masses(&self, chain: &Chain) -> Result<()> {
+        match &self.torque_limits {
+            Some(limits) if limits.iter().any(|l| l.is_finite()) => chain.masses().map(|_| ()),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// What stops a faster motion.
@@ -180,6 +188,7 @@ pub fn fastest_line(
     settings: &SpeedSettings,
 ) -> Result<MaxSpeed> {
     settings.validate(chain.dof())?;
+    settings.check_masses(chain)?;
     check_length("s", s, poses.len())?;
     let first = poses.first().ok_or_else(|| Error::Invalid("the path has no point".into()))?;
     if let Some(start) = start {
@@ -326,10 +335,8 @@ impl Terms {
         let (d, dd) = knot_derivatives(s, q, n);
         let (mut weights, mut dynamic) = (vec![0.0; n * rows], vec![0.0; n * rows]);
         let mut inertial = vec![0.0; if accelerated { n * rows } else { 0 }];
-        let bodies: Option<&[Body]> = match &settings.torque_limits {
-            Some(limits) if limits.iter().any(|l| l.is_finite()) => Some(chain.masses()?),
-            _ => chain.masses().ok(),
-        };
+        settings.check_masses(chain)?;
+        let bodies: Option<&[Body]> = chain.masses().ok();
         if let Some(bodies) = bodies {
             let rows = q.par_chunks_exact(n).zip(d.par_chunks_exact(n)).zip(dd.par_chunks_exact(n));
             let out = weights.par_chunks_exact_mut(n).zip(dynamic.par_chunks_exact_mut(n));

@@ -316,9 +316,7 @@ where
     ) -> Result<Self> {
         let none = vec![f64::INFINITY; N];
         let limits = settings.speed.torque_limits.clone().unwrap_or_else(|| none.clone());
-        if limits.iter().any(|l| l.is_finite()) {
-            chain.masses()?;
-        }
+        settings.speed.check_masses(chain)?;
         let (lower, upper) = if settings.speed.joint_limits {
             (chain.lower().to_vec(), chain.upper().to_vec())
         } else {
