@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-__all__ = ["EventKind", "Status"]
+__all__ = ["EventKind", "Kind", "Status"]
 
 
 class Status(StrEnum):
@@ -32,3 +32,14 @@ class EventKind(StrEnum):
     ALGORITHMIC_SINGULARITY = "algorithmic_singularity"
     RECONFIGURATION = "reconfiguration"
     JOINT_LIMIT = "joint_limit"
+
+
+class Kind(StrEnum):
+    """What a configuration is to a criterion on its self-motion; `str(x)` is the word."""
+
+    MAXIMUM = "maximum"
+    MINIMUM = "minimum"
+    SADDLE = "saddle"
+    DEGENERATE = "degenerate"
+    NOT_CRITICAL = "not_critical"
+    KINEMATIC_SINGULARITY = "kinematic_singularity"

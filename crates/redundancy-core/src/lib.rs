@@ -14,16 +14,18 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path -> criterion -> self_motion -> planning`.
+//! `rotation -> chain -> kinematics -> path, scene -> criterion -> self_motion -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 
 pub mod chain;
 pub mod criterion;
 pub mod ik;
 pub mod kinematics;
+pub mod optimum;
 pub mod path;
 pub mod planning;
 pub mod rotation;
+pub mod scene;
 pub mod self_motion;
 pub mod tolerance;
 

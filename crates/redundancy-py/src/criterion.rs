@@ -4,14 +4,18 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
-use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Measure, Posture, Weighted};
+use pyo3::types::{PyDict, PyTuple};
+use redundancy_core::criterion::{
+    CLEARANCE_SMOOTHING, Clearance, Criterion, Elbow, JointRange, Manipulability, Measure, Posture, Weighted,
+};
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::DMatrix;
+use redundancy_core::scene::LinkGeometry;
 
 use crate::chain::PyChain;
-use crate::convert::{read_rows, read_vector, to_array};
+use crate::convert::{read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
+use crate::scene::PyScene;
 use crate::task::{PyTask, read_task};
 
 /// A scalar function of the configuration. Sums and multiples of criteria are criteria.
@@ -202,4 +206,77 @@ impl PyManipulability {
         let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;
         Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
     }
+}
+
+/// Distance from obstacles, a soft minimum over all pairs, to maximise.
+#[pyclass(name = "Clearance", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyClearanceCriterion;
+
+#[pymethods]
+impl PyClearanceCriterion {
+    #[new]
+    #[pyo3(signature = (chain, scene, link_radius=0.05, *, smoothing=CLEARANCE_SMOOTHING))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        scene: &Bound<'_, PyScene>,
+        link_radius: f64,
+        smoothing: f64,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let arm = &chain.get().chain;
+        let geometry = LinkGeometry::joint_to_joint(arm, link_radius).map_err(to_py)?;
+        let criterion =
+            Clearance::with_geometry(arm, &scene.get().scene, geometry, smoothing).map_err(to_py)?;
+        let text = format!(
+            "Clearance({}, {}, link_radius={link_radius:?}, smoothing={smoothing:?})",
+            arm.name(),
+            scene.repr()?
+        );
+        let keywords = (("smoothing", smoothing),).into_pyobject(py)?;
+        let arguments = (chain, scene, link_radius).into_pyobject(py)?;
+        let recipe = partial(py, py.get_type::<Self>().into_any(), arguments, keywords)?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// Squared distance of the elbow from a point, to minimise.
+#[pyclass(name = "Elbow", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyElbow;
+
+#[pymethods]
+impl PyElbow {
+    #[new]
+    #[pyo3(signature = (chain, point, *, link=None))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        point: &Bound<'_, PyAny>,
+        link: Option<&str>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let arm = &chain.get().chain;
+        let point: [f64; 3] = read_array(point, "point")?;
+        let criterion = match link {
+            None => Elbow::new(arm, point),
+            Some(link) => arm.link_index(link).and_then(|index| Elbow::of_link(arm, point, index)),
+        };
+        let of = link.map_or(String::new(), |link| format!(", link='{link}'"));
+        let text = format!("Elbow({}, {point:?}{of})", arm.name());
+        let keywords = (("link", link),).into_pyobject(py)?;
+        let arguments = (chain, point).into_pyobject(py)?;
+        let recipe = partial(py, py.get_type::<Self>().into_any(), arguments, keywords)?;
+        let criterion = criterion.map_err(to_py)?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// A recipe with keyword arguments: `(functools.partial(class, **keywords), arguments)`.
+fn partial<'py>(
+    py: Python<'py>,
+    class: Bound<'py, PyAny>,
+    arguments: Bound<'py, PyTuple>,
+    keywords: Bound<'py, PyTuple>,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let options = PyDict::from_sequence(keywords.as_any())?;
+    let make = py.import("functools")?.getattr("partial")?.call((class,), Some(&options))?;
+    PyTuple::new(py, [make, arguments.into_any()])
 }

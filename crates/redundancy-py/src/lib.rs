@@ -4,14 +4,17 @@ use pyo3::prelude::*;
 
 mod batch;
 mod chain;
+mod continuation;
 mod convert;
 mod criterion;
 mod error;
 mod ik;
+mod optimum;
 mod orientation_plan;
 mod path;
 mod planning;
 mod rotation;
+mod scene;
 mod self_motion;
 mod speed;
 mod status;
@@ -24,9 +27,19 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use criterion::{PyCriterion, PyJointRange, PyManipulability, PyPosture};
+    use continuation::{
+        PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
+    };
     #[pymodule_export]
-    use ik::{PyConfigurations, PySphericalWristArm};
+    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
+    #[pymodule_export]
+    use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
+    #[pymodule_export]
+    use optimum::{
+        PyClassification, PyCofactorCondition, PyCriticalPoint, PyFollowedOptimum, PyRankedStart,
+        PySingularPoint, py_algorithmic_singularities, py_classify, py_cofactor_condition,
+        py_constrained_optima, py_follow_optimum, py_rank_starts, py_singularity_distance,
+    };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
@@ -38,6 +51,8 @@ mod _core {
         quaternion_from_zyz, quaternion_shortest_arc, quaternion_swing_twist, quaternion_to_rpy,
         quaternion_to_xyz, quaternion_to_zyz,
     };
+    #[pymodule_export]
+    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]

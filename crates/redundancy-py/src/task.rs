@@ -2,10 +2,11 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use redundancy_core::Error;
 use redundancy_core::kinematics::{Task, TaskKind};
+use redundancy_core::nalgebra::{Rotation3, Translation3};
+use redundancy_core::{Error, Pose};
 
-use crate::convert::read_array;
+use crate::convert::{read_array, read_pose, read_rows};
 use crate::error::to_py;
 
 /// Which coordinates of the tool's motion count.
@@ -86,4 +87,27 @@ pub fn read_task(object: &Bound<'_, PyAny>) -> PyResult<Task> {
             Err(to_py(Error::Invalid(message)))
         }
     }
+}
+
+/// A target of `task`: a pose, or what counts of it: `(2,)` for `planar`, `(3,)` for `planar` and `position`.
+pub fn read_target(object: &Bound<'_, PyAny>, task: &Task) -> PyResult<Pose> {
+    let lengths: &[usize] = match task.kind() {
+        TaskKind::Planar => &[2, 3],
+        TaskKind::Position => &[3],
+        _ => &[],
+    };
+    for length in lengths {
+        if let Ok(rows) = read_rows(object, "target", &[*length])
+            && rows.batch.is_none()
+        {
+            let p = rows.as_slice()?;
+            if let Some(index) = p.iter().position(|x| !x.is_finite()) {
+                let (what, value) = ("target".into(), p[index]);
+                return Err(to_py(Error::NotFinite { what, index, value }));
+            }
+            let z = p.get(2).copied().unwrap_or(0.0);
+            return Ok(Pose::from_parts(Translation3::new(p[0], p[1], z), Rotation3::identity()));
+        }
+    }
+    read_pose(object)
 }

@@ -1,13 +1,20 @@
 //! What to do with the freedom: h(q), its gradient and its Hessian.
 
+mod clearance;
+mod elbow;
 mod joint_range;
 mod manipulability;
 mod posture;
+mod stationarity;
 mod weighted;
 
+pub use clearance::{CLEARANCE_SMOOTHING, Clearance};
+pub use elbow::Elbow;
 pub use joint_range::JointRange;
 pub use manipulability::{Manipulability, Measure};
 pub use posture::Posture;
+pub use stationarity::Stationarity;
+pub(crate) use stationarity::check_redundant;
 pub use weighted::Weighted;
 
 use nalgebra::DMatrix;

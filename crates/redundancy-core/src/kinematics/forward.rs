@@ -7,7 +7,7 @@ use crate::pose::{Pose, pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Running frame of the forward pass, kept as columns: a joint turns only x and y.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     pub x: Vector3<f64>,
     pub y: Vector3<f64>,

@@ -38,12 +38,13 @@ impl Chain {
     /// [`Chain::kinematics`] for arguments that were checked before.
     pub(crate) fn kinematics_unchecked<'a>(&self, q: &[f64], scratch: &'a mut Scratch) -> Kinematics<'a> {
         let mut frame = Frame::world();
-        let memory = scratch.origins.iter_mut().zip(scratch.axes.iter_mut());
-        for ((step, q), (origin, axis)) in self.steps().iter().zip(q).zip(memory) {
+        let memory = scratch.origins.iter_mut().zip(scratch.axes.iter_mut()).zip(scratch.frames.iter_mut());
+        for ((step, q), ((origin, axis), moved)) in self.steps().iter().zip(q).zip(memory) {
             let at = frame.at_joint(step);
             *origin = at.origin;
             *axis = at.z;
             frame = at.moved(step, *q);
+            *moved = frame;
         }
         let (r, t) = self.end();
         let tool = frame.placed(r, t);

@@ -5,11 +5,13 @@ mod forward;
 mod hessian;
 mod inverse_dynamics;
 mod jacobian;
+mod null_space;
 mod scratch;
 mod task;
 mod trigonometry;
 
 pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
+pub use null_space::NullSpace;
 pub use scratch::{Kinematics, Scratch};
 pub use task::{Task, TaskError, TaskKind, rotation_vector};

@@ -1,7 +1,8 @@
 //! Caller-owned memory, and the proof that what is in it belongs to one `q`.
 
-use nalgebra::{Dyn, Matrix6xX, Vector3};
+use nalgebra::{Dyn, Matrix3, Matrix6xX, Vector3};
 
+use super::forward::Frame;
 use crate::chain::Chain;
 use crate::pose::Pose;
 
@@ -10,6 +11,7 @@ use crate::pose::Pose;
 pub struct Scratch {
     pub(super) origins: Vec<Vector3<f64>>,
     pub(super) axes: Vec<Vector3<f64>>,
+    pub(super) frames: Vec<Frame>,
     pub(super) jacobian: Matrix6xX<f64>,
     pub(super) pose: Pose,
 }
@@ -21,6 +23,7 @@ impl Scratch {
         Self {
             origins: vec![Vector3::zeros(); n],
             axes: vec![Vector3::zeros(); n],
+            frames: vec![Frame::world(); n],
             jacobian: Matrix6xX::zeros_generic(nalgebra::Const::<6>, Dyn(n)),
             pose: Pose::identity(),
         }
@@ -29,6 +32,11 @@ impl Scratch {
     /// How many joints it has room for.
     pub fn dof(&self) -> usize {
         self.axes.len()
+    }
+
+    /// Pose of the tool at the last `q`.
+    pub(crate) fn pose(&self) -> &Pose {
+        &self.pose
     }
 }
 
@@ -69,6 +77,13 @@ impl<'a> Kinematics<'a> {
     /// A point on each joint axis in the world, m.
     pub fn origins(&self) -> &'a [Vector3<f64>] {
         &self.scratch.origins
+    }
+
+    /// Axes and origin, in the world, of the frame that joint `k` moves; its third axis is the joint's.
+    #[inline(always)]
+    pub(crate) fn frame(&self, k: usize) -> (Matrix3<f64>, Vector3<f64>) {
+        let frame = &self.scratch.frames[k];
+        (Matrix3::from_columns(&[frame.x, frame.y, frame.z]), frame.origin)
     }
 
     /// Unit vector of each joint axis in the world.

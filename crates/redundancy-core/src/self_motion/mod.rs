@@ -7,6 +7,7 @@
 mod batch;
 mod chart;
 mod circle;
+mod continuation;
 mod geometry;
 mod intervals;
 mod optimum;
@@ -16,6 +17,10 @@ mod srs;
 pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
+pub(crate) use continuation::{Fibre, geometric, random_configurations, short_way, wind};
+pub use continuation::{
+    SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
+};
 pub use geometry::Defect;
 pub use optimum::Choice;
 pub use srs::{SrsArm, Swivel};

@@ -1,0 +1,216 @@
+//! Null space, pseudo-inverse and singular values of a task Jacobian, without allocation.
+//!
+//! `J^T P = Q [R; 0]` by Householder reflections with pivoting of the rows of J. The last r = n - m columns of Q are an
+//! orthonormal basis N of ker J whatever the rank of J, and `J^+ = Q [R^-T; 0] P^T` where it is full. The singular
+//! values of J are those of R, by one-sided Jacobi rotations [GolubVanLoan2013, sec. 8.6.3]: small ones keep their
+//! digits, which those of `J J^T` do not.
+//!
+//! For r = 1 the sign of N is that of `det [J; n^T] > 0`. Along a curve on which J keeps its rank this is continuous,
+//! through folds too, and it changes where the curve passes straight through a singular configuration.
+
+use nalgebra::DMatrix;
+
+/// Memory for the factors of one `(m, n)` Jacobian, `m <= n`.
+#[derive(Debug, Clone)]
+pub struct NullSpace {
+    m: usize,
+    n: usize,
+    /// Columns of `J^T P`, n entries each: above the diagonal R, from the diagonal on the reflections.
+    columns: Vec<f64>,
+    /// `2 / |v|^2` of each reflection; 0 where it is the identity.
+    scale: Vec<f64>,
+    diagonal: Vec<f64>,
+    /// Row of J in each place.
+    order: Vec<usize>,
+    basis: DMatrix<f64>,
+    work: Vec<f64>,
+    triangle: Vec<f64>,
+}
+
+impl NullSpace {
+    /// Memory for Jacobians of `m` rows and `n` columns; rows beyond the n-th are ignored.
+    pub fn new(m: usize, n: usize) -> Self {
+        let m = m.min(n);
+        Self {
+            m,
+            n,
+            columns: vec![0.0; m * n],
+            scale: vec![0.0; m],
+            diagonal: vec![0.0; m],
+            order: (0..m).collect(),
+            basis: DMatrix::zeros(n, n - m),
+            work: vec![0.0; n],
+            triangle: vec![0.0; m * m],
+        }
+    }
+
+    /// Dimension r of the null space.
+    pub fn redundancy(&self) -> usize {
+        self.n - self.m
+    }
+
+    /// Factors `jacobian`, `(m, n)` column by column.
+    ///
+    /// # Panics
+    /// Never for `m n` numbers; what is missing counts as zero.
+    pub fn factor(&mut self, jacobian: &[f64]) {
+        let (m, n) = (self.m, self.n);
+        self.columns.fill(0.0);
+        for (j, column) in jacobian.chunks_exact(m.max(1)).take(n).enumerate() {
+            for (i, entry) in column.iter().enumerate() {
+                self.columns[i * n + j] = *entry;
+            }
+        }
+        let mut positive = m % 2 == 0;
+        for (i, order) in self.order.iter_mut().enumerate() {
+            *order = i;
+        }
+        for k in 0..m {
+            let mut pivot = (k, squared(&self.columns[k * n + k..(k + 1) * n]));
+            for i in k + 1..m {
+                let norm = squared(&self.columns[i * n + k..(i + 1) * n]);
+                if norm > pivot.1 {
+                    pivot = (i, norm);
+                }
+            }
+            let (p, norm) = (pivot.0, pivot.1.sqrt());
+            if p != k {
+                let (front, back) = self.columns.split_at_mut(p * n);
+                front[k * n..(k + 1) * n].swap_with_slice(&mut back[..n]);
+                self.order.swap(k, p);
+                positive = !positive;
+            }
+            let (front, rest) = self.columns.split_at_mut((k + 1) * n);
+            let v = &mut front[k * n + k..];
+            // The reflection maps the column to -sign(v0) |v| e0.
+            let diagonal = if v[0] > 0.0 { -norm } else { norm };
+            v[0] -= diagonal;
+            let length = squared(v);
+            self.diagonal[k] = diagonal;
+            self.scale[k] = if length > 0.0 { 2.0 / length } else { 0.0 };
+            // A column of zeros is not reflected: one sign less in det Q.
+            positive ^= (diagonal < 0.0) ^ (length == 0.0);
+            for other in rest.chunks_exact_mut(n) {
+                reflect(v, self.scale[k], &mut other[k..]);
+            }
+        }
+        for c in 0..n - m {
+            let mut column = self.basis.column_mut(c);
+            column.fill(0.0);
+            column[m + c] = if n - m == 1 && !positive { -1.0 } else { 1.0 };
+            let column = column.as_mut_slice();
+            for k in (0..m).rev() {
+                reflect(&self.columns[k * n + k..(k + 1) * n], self.scale[k], &mut column[k..]);
+            }
+        }
+    }
+
+    /// Orthonormal basis `(n, r)` of the kernel.
+    pub fn basis(&self) -> &DMatrix<f64> {
+        &self.basis
+    }
+
+    /// Smallest over largest pivot: between the ratio of the singular values and a small multiple of it.
+    pub fn pivot_ratio(&self) -> f64 {
+        match (self.diagonal.first(), self.diagonal.last()) {
+            (Some(first), Some(last)) if *first != 0.0 => (last / first).abs(),
+            _ => 0.0,
+        }
+    }
+
+    /// `out = J^+ v`: the shortest joint motion (n) with the task velocity `v` (m). Directions that J has lost count as
+    /// zero.
+    pub fn shortest(&self, v: &[f64], out: &mut [f64]) {
+        let (m, n) = (self.m, self.n);
+        out.fill(0.0);
+        // R^T y = P^T v, row by row.
+        for k in 0..m {
+            let column = &self.columns[k * n..k * n + k];
+            let sum = column.iter().zip(&*out).map(|(r, y)| r * y).sum::<f64>();
+            out[k] = if self.diagonal[k] == 0.0 { 0.0 } else { (v[self.order[k]] - sum) / self.diagonal[k] };
+        }
+        for k in (0..m).rev() {
+            reflect(&self.columns[k * n + k..(k + 1) * n], self.scale[k], &mut out[k..n]);
+        }
+    }
+
+    /// Splits `g` (n): `multipliers` (m) of the least-squares problem `J^T lambda = g`, that is `(J J^T)^-1 J g`.
+    pub fn multipliers(&mut self, g: &[f64], multipliers: &mut [f64]) {
+        let (m, n) = (self.m, self.n);
+        self.work.copy_from_slice(&g[..n]);
+        for k in 0..m {
+            reflect(&self.columns[k * n + k..(k + 1) * n], self.scale[k], &mut self.work[k..]);
+        }
+        for k in (0..m).rev() {
+            let above = (k + 1..m).map(|i| self.columns[i * n + k] * self.work[i]).sum::<f64>();
+            let value = if self.diagonal[k] == 0.0 { 0.0 } else { (self.work[k] - above) / self.diagonal[k] };
+            self.work[k] = value;
+            multipliers[self.order[k]] = value;
+        }
+    }
+
+    /// Smallest and largest singular value.
+    pub fn singular_values(&mut self) -> [f64; 2] {
+        const SWEEPS: usize = 30;
+        let (m, n) = (self.m, self.n);
+        if m == 0 {
+            return [0.0; 2];
+        }
+        // Rows of R, the columns of R^T.
+        for k in 0..m {
+            for i in 0..m {
+                self.triangle[k * m + i] = match i.cmp(&k) {
+                    std::cmp::Ordering::Less => 0.0,
+                    std::cmp::Ordering::Equal => self.diagonal[k],
+                    std::cmp::Ordering::Greater => self.columns[i * n + k],
+                };
+            }
+        }
+        for _ in 0..SWEEPS {
+            let mut rotated = false;
+            for p in 0..m {
+                for q in p + 1..m {
+                    let (front, back) = self.triangle.split_at_mut(q * m);
+                    rotated |= orthogonalise(&mut front[p * m..(p + 1) * m], &mut back[..m]);
+                }
+            }
+            if !rotated {
+                break;
+            }
+        }
+        let norms = self.triangle.chunks_exact(m).map(|row| squared(row).sqrt());
+        norms.fold([f64::INFINITY, 0.0], |[least, most], norm| [least.min(norm), most.max(norm)])
+    }
+}
+
+fn squared(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `x -= scale v (v . x)`.
+fn reflect(v: &[f64], scale: f64, x: &mut [f64]) {
+    let factor = scale * dot(v, x);
+    for (x, v) in x.iter_mut().zip(v) {
+        *x -= factor * v;
+    }
+}
+
+/// Rotates two vectors in their plane until they are orthogonal; false where they are.
+fn orthogonalise(a: &mut [f64], b: &mut [f64]) -> bool {
+    let (alpha, beta, gamma) = (squared(a), squared(b), dot(a, b));
+    if gamma.abs() <= f64::EPSILON * (alpha * beta).sqrt() {
+        return false;
+    }
+    let zeta = (beta - alpha) / (2.0 * gamma);
+    let t = if zeta == 0.0 { 1.0 } else { zeta.signum() / (zeta.abs() + zeta.hypot(1.0)) };
+    let cos = 1.0 / t.hypot(1.0);
+    let sin = cos * t;
+    for (a, b) in a.iter_mut().zip(b) {
+        (*a, *b) = (cos * *a - sin * *b, sin * *a + cos * *b);
+    }
+    true
+}
