@@ -2,6 +2,8 @@
 //!
 //!     cargo run --release --example spray -- [a|b] [seconds] [off|on: joint limits] [margin]
 
+#![allow(clippy::print_stdout)] // an example may talk
+
 use redundancy_core::Pose;
 use redundancy_core::chain::catalog;
 use redundancy_core::path::Path;
