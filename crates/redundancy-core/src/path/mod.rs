@@ -25,6 +25,7 @@
 //!
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
+mod bspline;
 #[allow(clippy::module_inception)]
 mod path;
 mod shapes;
@@ -34,6 +35,7 @@ mod timed;
 mod timing;
 mod trajectory;
 
+pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
