@@ -187,6 +187,10 @@ pub const PLAIN_MARGIN: f64 = 1e-6;
 /// Armijo's constant: the share of the predicted decrease that a step must realise.
 pub const SUFFICIENT_DECREASE: f64 = 1e-4;
 
+/// Largest ratio of the weights of one problem: beyond it the lightest barrier is below the rounding of the others' sum
+/// long before its rim, and no iteration would see it.
+pub const WEIGHT_RATIO: f64 = 1e12;
+
 /// Gradient norm, relative to that of a constraint at half its margin, at which the gradient methods stop. Linear
 /// convergence: the remaining angle is of the same relative size.
 pub const GRADIENT_STATIONARY: f64 = 1e-10;

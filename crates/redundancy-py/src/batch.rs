@@ -5,34 +5,27 @@ use std::ops::Range;
 use pyo3::prelude::*;
 use redundancy_core::Error;
 
+use crate::convert::Threads;
 use crate::error::to_py;
-
-/// More threads than any machine has cores; starting a million of them takes minutes.
-const MAX_THREADS: usize = 1_024;
 
 /// Calls `work` for consecutive ranges that cover `0..n`, each inside the chosen rayon pool and without the GIL.
 ///
 /// # Errors
 /// `threads` of 0 or above 1024, a pool that cannot be started, an error of `work`, or a pending `KeyboardInterrupt`.
-pub fn in_blocks(
+pub fn in_blocks<T: Into<Threads>>(
     py: Python<'_>,
     n: usize,
     block: usize,
-    threads: Option<usize>,
+    threads: Option<T>,
     mut work: impl FnMut(Range<usize>) -> redundancy_core::Result<()> + Send,
 ) -> PyResult<()> {
     let pool = match threads {
         None => None,
-        Some(count) if !(1..=MAX_THREADS).contains(&count) => {
-            let bound = if count == 0 { "at least 1".into() } else { format!("at most {MAX_THREADS}") };
-            return Err(to_py(Error::Invalid(format!("threads is {count}, it must be {bound}"))));
+        Some(threads) => {
+            let count = threads.into().count()?;
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+            Some(pool.map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}"))))?)
         }
-        Some(count) => Some(
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(count)
-                .build()
-                .map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}"))))?,
-        ),
     };
     for start in (0..n).step_by(block.max(1)) {
         let range = start..n.min(start + block);

@@ -8,7 +8,7 @@ use redundancy_core::ik::{Configurations, SphericalWristArm};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Fresh, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::convert::{Fresh, Threads, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::self_motion::{Batch, PySolveBatch, signs_of};
 use crate::status::status_to_py;
@@ -82,7 +82,7 @@ impl PySphericalWristArm {
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         limits: bool,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<PySolveBatch> {
         let poses = Batch::read(poses)?;
         let n = poses.len();
@@ -106,7 +106,7 @@ impl PySphericalWristArm {
         py: Python<'py>,
         pose: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Option<Bound<'py, PyAny>>> {
         let poses = read_poses(pose)?;
         let Some(n) = poses.batch else {

@@ -54,7 +54,7 @@ use crate::rotation::quaternion::{
 use crate::rotation::start::{self, Start};
 use crate::tolerance::{
     ANGLE_PART, GRADIENT_STATIONARY, HESSIAN_FLOOR, HESSIAN_PIVOT, NEWTON_DECREMENT, ORIENTATION_STEP,
-    PLAIN_MARGIN, SAME_AXIS, SAME_VALUE, STEP_DOUBLING, SUFFICIENT_DECREASE, VALUE_ROUNDING,
+    PLAIN_MARGIN, SAME_AXIS, SAME_VALUE, STEP_DOUBLING, SUFFICIENT_DECREASE, VALUE_ROUNDING, WEIGHT_RATIO,
 };
 
 /// How the barrier problem is solved.
@@ -235,7 +235,7 @@ impl OrientationOptimizer {
     /// Optimizer of the sum of `barriers`.
     ///
     /// # Errors
-    /// No barrier, settings that do not validate, or the closed form asked for constraints that have none.
+    /// No barrier, weights in a ratio above [`WEIGHT_RATIO`], settings that do not validate, or the closed form asked for constraints that have none.
     pub fn new(barriers: Vec<Barrier>, settings: OrientationSettings) -> Result<Self> {
         settings.validate()?;
         if barriers.is_empty() {
@@ -263,6 +263,12 @@ impl OrientationOptimizer {
             other => other,
         };
         let least = barriers.iter().map(Barrier::weight).fold(f64::INFINITY, f64::min);
+        let most = barriers.iter().map(Barrier::weight).fold(0.0, f64::max);
+        if most > WEIGHT_RATIO * least {
+            return Err(Error::Invalid(format!(
+                "weights from {least:e} to {most:e}: the largest must be at most {WEIGHT_RATIO:e} times the smallest"
+            )));
+        }
         let curvature = barriers
             .iter()
             .map(|b| match b.constraint() {
