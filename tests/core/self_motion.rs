@@ -1,14 +1,19 @@
 //! The closed form and the circle of solutions of spherical-revolute-spherical arms.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::Arc;
 
 use rand::Rng;
+use rayon::prelude::*;
 use redundancy_core::chain::{Chain, Limits};
+use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
 use redundancy_core::nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-use redundancy_core::self_motion::{Chart, SrsArm, Swivel};
+use redundancy_core::self_motion::{Branch, Chart, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Pose, Status};
 
-use crate::support::{amount, difference, pa10, pose_error, random_pose, random_q, rng, scrambled_srs};
+use crate::support::{
+    amount, difference, openarm_like, pa10, pose_error, random_pose, random_q, rng, scrambled_srs,
+};
 
 fn pose(p: [f64; 3], wxyz: [f64; 4]) -> Pose {
     let q = UnitQuaternion::from_quaternion(Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]));
@@ -104,61 +109,79 @@ fn every_branch_closes_and_the_maker_is_among_them() {
     }
 }
 
-#[test]
-fn intervals_agree_with_brute_force() {
-    const SAMPLES: usize = 1_440;
-    let mut arms = vec![pa10()];
+/// The arms of the checks by brute force: two robots of the catalogue, one with narrow limits, and arms in any frames.
+fn arms_with_limits() -> Vec<Chain> {
+    let mut arms = vec![pa10(), redundancy_core::chain::catalog::load("iiwa14").unwrap(), openarm_like()];
     for seed in 0..4 {
         let offset = if seed % 2 == 0 { [0.0, 0.0] } else { [0.06, 0.02] };
         arms.push(scrambled_srs(seed, [0.3, 0.4, 0.36, 0.12], offset, &narrow(seed)));
     }
-    let mut rng = rng(2);
-    let mut checked = 0;
-    for chain in &arms {
-        let arm = SrsArm::new(chain).unwrap();
-        for k in 0..amount(40, 1_000) {
+    arms
+}
+
+/// Poses of random configurations within the limits.
+fn targets(chain: &Chain, n: usize, seed: u64) -> Vec<(Pose, Vec<f64>)> {
+    let mut rng = rng(seed);
+    (0..n)
+        .map(|_| {
             let target = chain.forward(&random_q(&mut rng, chain)).unwrap();
-            let motion = arm.self_motion(&target).unwrap();
-            let margin = if k % 3 == 0 { 0.05 } else { 0.0 };
-            for branch in motion.branches() {
-                let intervals = branch.intervals(margin).unwrap();
-                for i in 0..SAMPLES {
-                    let s = TAU * (i as f64 + 0.371) / SAMPLES as f64 - PI;
-                    let inside = intervals.iter().any(|[lo, hi]| (s - lo).rem_euclid(TAU) <= hi - lo);
-                    let q = branch.q(s).unwrap();
-                    let holds = q.iter().zip(chain.lower()).zip(chain.upper()).all(|((q, lo), hi)| {
-                        let k = ((lo + margin - q) / TAU).ceil();
-                        q + k * TAU <= hi - margin
-                    });
-                    let edge = intervals.iter().flatten().any(|e| {
-                        (s - e + PI).rem_euclid(TAU) - PI < 1e-9 && (s - e + PI).rem_euclid(TAU) - PI > -1e-9
-                    });
-                    assert!(inside == holds || edge, "{} s = {s}: {intervals:?} {q:?}", chain.name());
-                    checked += usize::from(inside);
-                }
-                // Just inside every edge the limits hold, just outside one of them breaks.
-                for [lo, hi] in intervals.iter().filter(|[lo, hi]| hi - lo < TAU && hi - lo > 4e-9) {
-                    for (s, expected) in
-                        [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)]
-                    {
-                        let q = branch.q(s).unwrap();
-                        let violation =
-                            q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
-                                let k = ((lo + margin - q) / TAU).ceil();
-                                (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
-                            });
-                        let worst = violation.fold(0.0, f64::max);
-                        let near_other =
-                            intervals.iter().flatten().filter(|e| (*e - s).abs() < 3e-9).count() > 1;
-                        // A limit may be crossed at a small angle: outside counts any violation above rounding.
-                        let agrees = if expected { worst < 1e-11 } else { worst > 1e-15 };
-                        assert!(agrees || near_other, "{s} in {lo} {hi}: {worst:e} {expected}");
-                    }
-                }
-            }
+            (target, (0..7).map(|_| rng.random_range(-7.0..7.0)).collect())
+        })
+        .collect()
+}
+
+#[test]
+fn intervals_agree_with_brute_force() {
+    for (i, chain) in arms_with_limits().iter().enumerate() {
+        let arm = SrsArm::new(chain).unwrap();
+        let targets = targets(chain, amount(30, 1_000), 200 + i as u64);
+        let inside: usize = targets
+            .par_iter()
+            .enumerate()
+            .map(|(k, (target, _))| {
+                let motion = arm.self_motion(target).unwrap();
+                let margin = if k % 3 == 0 { 0.05 } else { 0.0 };
+                motion.branches().iter().map(|branch| check_intervals(chain, branch, margin)).sum::<usize>()
+            })
+            .sum();
+        assert!(inside > 100 * targets.len(), "{}: {inside}", chain.name());
+    }
+}
+
+/// The intervals of a branch against 1 440 samples and their own edges; returns how many samples hold the limits.
+fn check_intervals(chain: &Chain, branch: &Branch<'_>, margin: f64) -> usize {
+    const SAMPLES: usize = 1_440;
+    let intervals = branch.intervals(margin).unwrap();
+    let apart = |s: f64, e: f64| ((s - e + PI).rem_euclid(TAU) - PI).abs();
+    let mut checked = 0;
+    for i in 0..SAMPLES {
+        let s = TAU * (i as f64 + 0.371) / SAMPLES as f64 - PI;
+        let inside = intervals.iter().any(|[lo, hi]| (s - lo).rem_euclid(TAU) <= hi - lo);
+        let q = branch.q(s).unwrap();
+        let holds = q.iter().zip(chain.lower()).zip(chain.upper()).all(|((q, lo), hi)| {
+            let k = ((lo + margin - q) / TAU).ceil();
+            q + k * TAU <= hi - margin
+        });
+        let edge = intervals.iter().flatten().any(|e| apart(s, *e) < 1e-9);
+        assert!(inside == holds || edge, "{} s = {s}: {intervals:?} {q:?}", chain.name());
+        checked += usize::from(inside);
+    }
+    // Just inside every edge the limits hold, just outside one of them breaks.
+    for [lo, hi] in intervals.iter().filter(|[lo, hi]| hi - lo < TAU && hi - lo > 4e-9) {
+        for (s, expected) in [(lo + 1e-9, true), (hi - 1e-9, true), (lo - 1e-9, false), (hi + 1e-9, false)] {
+            let q = branch.q(s).unwrap();
+            let violation = q.iter().zip(chain.lower()).zip(chain.upper()).map(|((q, lo), hi)| {
+                let k = ((lo + margin - q) / TAU).ceil();
+                (q + k * TAU - hi + margin).max(0.0).min(lo + margin - (q + (k - 1.0) * TAU))
+            });
+            let worst = violation.fold(0.0, f64::max);
+            let near_other = intervals.iter().flatten().filter(|e| apart(s, **e) < 3e-9).count() > 1;
+            // A limit may be crossed at a small angle: outside counts any violation above rounding.
+            let agrees = if expected { worst < 1e-11 } else { worst > 1e-15 };
+            assert!(agrees || near_other, "{} {s} in {lo} {hi}: {worst:e} {expected}", chain.name());
         }
     }
-    assert!(checked > 10_000);
+    checked
 }
 
 #[test]
@@ -358,75 +381,80 @@ fn batch_is_the_same_as_one_by_one_for_any_number_of_threads() {
 
 #[test]
 fn best_and_nearest_are_never_worse_than_a_scan() {
-    use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
-    use std::sync::Arc;
-    let samples = amount(1_000, 10_000);
-    let mut arms = vec![pa10(), redundancy_core::chain::catalog::load("iiwa14").unwrap()];
-    for seed in 0..4 {
-        let offset = if seed % 2 == 0 { [0.0, 0.0] } else { [0.06, 0.02] };
-        arms.push(scrambled_srs(seed, [0.3, 0.4, 0.36, 0.12], offset, &narrow(seed)));
-    }
-    let mut rng = rng(7);
-    for chain in &arms {
+    for (i, chain) in arms_with_limits().iter().enumerate() {
         let arm = SrsArm::new(chain).unwrap();
-        let range = JointRange::new(chain);
-        for k in 0..amount(30, 1_000) {
-            let target = chain.forward(&random_q(&mut rng, chain)).unwrap();
-            let motion = arm.self_motion(&target).unwrap();
-            // Also beyond the limits, where a winding within them is not the nearest one.
-            let wish: Vec<f64> = (0..7).map(|_| rng.random_range(-7.0..7.0)).collect();
-            let posture = Posture::new(&wish).unwrap();
-            // The same sum with and without the form that the bounds use.
-            let sum = Weighted::sum(Arc::new(range.clone()), Arc::new(posture.clone())).unwrap();
-            let opposite = Weighted::multiple(-1.0, Arc::new(range.clone())).unwrap();
-            let criteria: [&dyn Criterion; 4] = [&range, &posture, &sum, &opposite];
-            for criterion in criteria {
-                let best = motion.best(criterion).unwrap().unwrap();
-                assert!(chain.within_limits(&best.q, 0.0));
-                assert!(pose_error(&chain.forward(&best.q).unwrap(), &target) < 1e-11);
-                let sign = criterion.sense().sign();
-                assert_eq!(best.value, criterion.value(&best.q));
-                for branch in motion.branches() {
-                    for [lo, hi] in branch.intervals(0.0).unwrap() {
-                        for i in 0..=samples / 8 {
-                            let s = lo + (hi - lo) * i as f64 / (samples / 8) as f64;
-                            let q = branch.q(s).unwrap();
-                            if !chain.within_limits(&q, 0.0) {
-                                continue;
-                            }
-                            let better = sign * (best.value - criterion.value(&q));
-                            assert!(
-                                better < 1e-9,
-                                "{} {k}: {better:e} at {s} of {:?}",
-                                chain.name(),
-                                branch.signs()
-                            );
+        // The wishes lie beyond the limits too, where a winding within them is not the nearest one.
+        targets(chain, amount(20, 1_000), 700 + i as u64)
+            .par_iter()
+            .for_each(|(target, wish)| check_best(chain, &arm.self_motion(target).unwrap(), target, wish));
+    }
+}
+
+/// `best` and `nearest` over one pose against samples of all branches, windings included.
+fn check_best(chain: &Chain, motion: &SelfMotion, target: &Pose, wish: &[f64]) {
+    let samples = amount(1_000, 10_000);
+    let range = JointRange::new(chain);
+    let posture = Posture::new(wish).unwrap();
+    let sum = Weighted::sum(Arc::new(range.clone()), Arc::new(posture.clone())).unwrap();
+    // No sum of springs to minimise: the search without bounds.
+    let opposite = Weighted::multiple(-1.0, Arc::new(range.clone())).unwrap();
+    let near = motion.nearest(wish).unwrap().unwrap();
+    let distance = |q: &[f64]| q.iter().zip(wish).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    assert!((near.value - distance(&near.q)).abs() < 1e-12);
+    let criteria: [&dyn Criterion; 4] = [&range, &posture, &sum, &opposite];
+    let best = criteria.map(|criterion| {
+        let best = motion.best(criterion).unwrap().unwrap();
+        assert!(chain.within_limits(&best.q, 0.0));
+        assert!(pose_error(&chain.forward(&best.q).unwrap(), target) < 1e-11);
+        assert_eq!(best.value, criterion.value(&best.q));
+        best
+    });
+    // Rows of weights and centres of what is a sum over the joints: there each joint takes its best winding.
+    let rows = [&range as &dyn Criterion, &posture, &sum].map(|c| c.springs().unwrap());
+    let constant: Vec<f64> = criteria[..3]
+        .iter()
+        .zip(&rows)
+        .map(|(c, row)| {
+            c.value(wish)
+                - row.iter().zip(wish).map(|(s, q)| 0.5 * s.weight * (q - s.center).powi(2)).sum::<f64>()
+        })
+        .collect();
+    let windings: Vec<Vec<f64>> = (0..7)
+        .map(|j| {
+            // Turns that may be within the limits of a principal value; joints without limits reach every wish here.
+            let (lo, hi) = (chain.lower()[j].max(-5.0 * PI), chain.upper()[j].min(5.0 * PI));
+            (-3..=3).map(|k| TAU * f64::from(k)).filter(|t| lo <= t + PI && hi >= t - PI).collect()
+        })
+        .collect();
+    for branch in motion.branches() {
+        let ends = branch.intervals(0.0).unwrap();
+        let uniform = (0..samples).map(|i| TAU * i as f64 / samples as f64);
+        for s in uniform.chain(ends.into_iter().flatten()) {
+            let q = branch.q(s).unwrap();
+            if !chain.within_limits(&q, 0.0) {
+                continue;
+            }
+            let mut least = [0.0; 4];
+            for j in 0..7 {
+                let mut cost = [f64::INFINITY; 4];
+                for turn in &windings[j] {
+                    let q = (q[j] + TAU * ((PI - q[j]) / TAU).floor()) + turn;
+                    if q >= chain.lower()[j] && q <= chain.upper()[j] {
+                        for (cost, row) in cost.iter_mut().zip(&rows) {
+                            *cost = cost.min(0.5 * row[j].weight * (q - row[j].center).powi(2));
                         }
+                        cost[3] = cost[3].min((q - wish[j]).powi(2));
                     }
                 }
+                least.iter_mut().zip(cost).for_each(|(sum, cost)| *sum += cost);
             }
-            let near = motion.nearest(&wish).unwrap().unwrap();
-            let distance = |q: &[f64]| q.iter().zip(&wish).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-            assert!((near.value - distance(&near.q)).abs() < 1e-12);
-            for branch in motion.branches() {
-                for i in 0..samples {
-                    let q = branch.q(TAU * i as f64 / samples as f64).unwrap();
-                    // Every winding within the limits, joint by joint.
-                    let mut sum = 0.0;
-                    for j in 0..7 {
-                        let windings = (-3..=3).map(|k| q[j] + TAU * f64::from(k));
-                        let allowed = windings.filter(|q| *q >= chain.lower()[j] && *q <= chain.upper()[j]);
-                        sum += allowed.map(|q| (q - wish[j]).powi(2)).fold(f64::INFINITY, f64::min);
-                    }
-                    assert!(
-                        near.value <= sum.sqrt() + 1e-9,
-                        "{} {} {}",
-                        chain.name(),
-                        near.value,
-                        sum.sqrt()
-                    );
-                }
+            for (k, (best, constant)) in best.iter().zip(&constant).enumerate() {
+                let better = best.value - (least[k] + constant);
+                assert!(better < 1e-9, "{} {k}: {better:e} at {s} of {:?}", chain.name(), branch.signs());
             }
+            assert!(near.value <= least[3].sqrt() + 1e-9, "{}: {near:?}, at {s} {least:?}", chain.name());
+            let better = opposite.sense().sign() * (best[3].value - opposite.value(&q));
+            assert!(better < 1e-9, "{} opposite: {better:e} at {s} of {:?}", chain.name(), branch.signs());
         }
     }
 }

@@ -85,6 +85,31 @@ pub fn scrambled(
     builder.link("tip", previous.inverse() * end).tool(random_pose(&mut rng, 0.2)).build().unwrap()
 }
 
+/// An arm like the OpenArm: 0.22 m links and limits of a quarter turn and less, all in its own plain frames.
+pub fn openarm_like() -> Chain {
+    let degrees = [
+        (-80.0, 80.0),
+        (-90.0, 10.0),
+        (-90.0, 90.0),
+        (0.0, 90.0),
+        (-90.0, 90.0),
+        (-45.0, 45.0),
+        (-90.0, 90.0),
+    ];
+    let mut builder = ChainBuilder::new("openarm_like", "base");
+    for (i, ((lower, upper), z)) in
+        degrees.into_iter().zip([0.12, 0.0, 0.0, 0.22, 0.22, 0.0, 0.0]).enumerate()
+    {
+        let axis = if i % 2 == 0 { Vector3::z() } else { Vector3::y() };
+        let (lower, upper) = (f64::to_radians(lower), f64::to_radians(upper));
+        let at = Pose::from_parts(Translation3::new(0.0, 0.0, z), Rotation3::identity());
+        let limits = Limits { lower, upper, ..Limits::NONE };
+        builder = builder.joint(format!("j{i}"), JointKind::Revolute, at, axis, limits);
+    }
+    let tip = Pose::from_parts(Translation3::new(0.0, 0.0, 0.1), Rotation3::identity());
+    builder.link("tip", tip).build().unwrap()
+}
+
 /// The PA10 of [Moore2010] with the joint limits of its data sheet.
 pub fn pa10() -> Chain {
     redundancy_core::chain::catalog::load("pa10").unwrap()

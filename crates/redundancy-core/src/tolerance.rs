@@ -225,6 +225,10 @@ pub const PLAIN_MARGIN: f64 = 1e-6;
 /// Armijo's constant: the share of the predicted decrease that a step must realise.
 pub const SUFFICIENT_DECREASE: f64 = 1e-4;
 
+/// Largest ratio of the weights of one problem: beyond it the lightest barrier is below the rounding of the others' sum
+/// long before its rim, and no iteration would see it.
+pub const WEIGHT_RATIO: f64 = 1e12;
+
 /// Gradient norm, relative to that of a constraint at half its margin, at which the gradient methods stop. Linear
 /// convergence: the remaining angle is of the same relative size.
 pub const GRADIENT_STATIONARY: f64 = 1e-10;
@@ -251,9 +255,6 @@ pub const SAME_VALUE: f64 = 1e-12;
 
 /// Rounding of a sum of weighted logarithms, relative to the larger of the sum and its weights: a few additions.
 pub const VALUE_ROUNDING: f64 = 4e-16;
-
-/// Square of a step's length below which `1 / sqrt(1 + s)` is its series up to the third power: the fourth is 3e-17.
-pub const ROOT_SERIES: f64 = 1e-4;
 
 /// Swivels (rad) this near to each other at which limits are met may be one touching point: the double root of a tangent
 /// is resolved to the root of the rounding error, some 1e-8.

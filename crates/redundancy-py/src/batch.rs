@@ -5,20 +5,18 @@ use std::ops::Range;
 use pyo3::prelude::*;
 use redundancy_core::Error;
 
+use crate::convert::Threads;
 use crate::error::to_py;
-
-/// More threads than any machine has cores; starting a million of them takes minutes.
-const MAX_THREADS: usize = 1_024;
 
 /// Calls `work` for consecutive ranges that cover `0..n`, each inside the chosen rayon pool and without the GIL.
 ///
 /// # Errors
 /// `threads` of 0 or above 1024, a pool that cannot be started, an error of `work`, or a pending `KeyboardInterrupt`.
-pub fn in_blocks(
+pub fn in_blocks<T: Into<Threads>>(
     py: Python<'_>,
     n: usize,
     block: usize,
-    threads: Option<usize>,
+    threads: Option<T>,
     mut work: impl FnMut(Range<usize>) -> redundancy_core::Result<()> + Send,
 ) -> PyResult<()> {
     let pool = pool(threads)?;
@@ -38,17 +36,9 @@ pub fn in_blocks(
 ///
 /// # Errors
 /// `threads` of 0 or above 1024, a pool that cannot be started.
-pub fn pool(threads: Option<usize>) -> PyResult<Option<rayon::ThreadPool>> {
-    match threads {
-        None => Ok(None),
-        Some(count) if !(1..=MAX_THREADS).contains(&count) => {
-            let bound = if count == 0 { "at least 1".into() } else { format!("at most {MAX_THREADS}") };
-            Err(to_py(Error::Invalid(format!("threads is {count}, it must be {bound}"))))
-        }
-        Some(count) => rayon::ThreadPoolBuilder::new()
-            .num_threads(count)
-            .build()
-            .map(Some)
-            .map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}")))),
-    }
+pub fn pool<T: Into<Threads>>(threads: Option<T>) -> PyResult<Option<rayon::ThreadPool>> {
+    let Some(threads) = threads else { return Ok(None) };
+    let count = threads.into().count()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+    pool.map(Some).map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}"))))
 }

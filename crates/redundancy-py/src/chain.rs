@@ -16,7 +16,9 @@ use redundancy_core::nalgebra::{DMatrix, Matrix3, Vector3};
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
 use crate::batch::in_blocks;
-use crate::convert::{Fresh, Rows, pose_to_array, read_array, read_pose, read_rows, read_vector, to_array};
+use crate::convert::{
+    Fresh, Rows, Threads, pose_to_array, read_array, read_pose, read_rows, read_vector, to_array,
+};
 use crate::error::to_py;
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
@@ -269,7 +271,7 @@ impl PyChain {
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
         link: Option<&str>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let chain = &self.chain;
         let link = link.map(|name| chain.link_index(name)).transpose().map_err(to_py)?;
@@ -301,7 +303,7 @@ impl PyChain {
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (chain, dof) = (&self.chain, self.chain.dof());
         self.dispatch(
@@ -332,7 +334,7 @@ impl PyChain {
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (chain, dof) = (&self.chain, self.chain.dof());
         self.dispatch(
@@ -366,7 +368,7 @@ impl PyChain {
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (chain, dof) = (&self.chain, self.chain.dof());
         let size = 6 * dof * dof;
@@ -401,7 +403,7 @@ impl PyChain {
         qd: &Bound<'py, PyAny>,
         qdd: &Bound<'py, PyAny>,
         gravity: [f64; 3],
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (chain, dof, gravity) = (&self.chain, self.chain.dof(), Vector3::from(gravity));
         let rows = [read_rows(q, "q", &[dof])?, read_rows(qd, "qd", &[dof])?, read_rows(qdd, "qdd", &[dof])?];

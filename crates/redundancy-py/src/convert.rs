@@ -7,6 +7,7 @@ use numpy::ndarray::{Dim, Dimension, IntoDimension};
 use numpy::{
     Element, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
@@ -109,15 +110,36 @@ fn pose_array<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     Ok(object.clone())
 }
 
+/// Refuses a numpy masked array with masked entries, whose numbers mean nothing.
+fn refuse_masked(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
+    let py = object.py();
+    let Some(mask) = object.getattr_opt(pyo3::intern!(py, "mask"))? else { return Ok(()) };
+    let Some(any) = mask.getattr_opt(pyo3::intern!(py, "any"))? else { return Ok(()) };
+    if any.call0()?.is_truthy()? {
+        return Err(to_py(Error::Invalid(format!("{what} has masked entries"))));
+    }
+    Ok(())
+}
+
 /// A C-contiguous array of doubles: the object itself where it is one.
 fn as_double_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     if let Ok(array) = object.cast::<PyArrayDyn<f64>>()
         && array.is_c_contiguous()
     {
+        // Masked arrays are a subclass: plain ones are not asked.
+        if !object.is_exact_instance_of::<PyArrayDyn<f64>>() {
+            refuse_masked(object, what)?;
+        }
         return Ok(array.clone());
     }
+    refuse_masked(object, what)?;
     static ASCONTIGUOUS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let py = object.py();
+    let kind = object.getattr_opt(pyo3::intern!(py, "dtype"))?;
+    let kind = kind.map(|d| d.getattr_opt(pyo3::intern!(py, "kind"))).transpose()?.flatten();
+    if kind.is_some_and(|kind| kind.eq("c").unwrap_or(false)) {
+        return Err(to_py(Error::Invalid(format!("{what} is complex, real numbers are needed"))));
+    }
     let convert = ASCONTIGUOUS
         .get_or_try_init(py, || py.import("numpy")?.getattr("asarray").map(Bound::unbind))?
         .bind(py);
@@ -129,6 +151,89 @@ fn as_double_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Boun
         to_py(Error::Invalid(message))
     })?;
     Ok(array.cast_into::<PyArrayDyn<f64>>()?)
+}
+
+/// An integer of any size from Python. Unsigned arguments are read as this, so that a negative or huge one is refused with
+/// its name, value and bound, not by an `OverflowError`.
+#[derive(Clone, Copy)]
+pub struct Integer(i128);
+
+impl Integer {
+    /// The integer as a `T`, at least `least`.
+    pub fn at_least<T: TryFrom<i128> + Into<i128>>(self, what: &str, least: T) -> PyResult<T> {
+        let least = least.into();
+        let refuse =
+            |bound: String| to_py(Error::Invalid(format!("{what} is {}, it must be {bound}", self.0)));
+        if self.0 < least {
+            return Err(refuse(format!("at least {least}")));
+        }
+        T::try_from(self.0).map_err(|_| refuse(format!("below 2^{}", 8 * size_of::<T>())))
+    }
+
+    /// The integer as a count, at least `least`.
+    pub fn count(self, what: &str, least: u32) -> PyResult<usize> {
+        let value: u64 = self.at_least(what, u64::from(least))?;
+        usize::try_from(value)
+            .map_err(|_| to_py(Error::Invalid(format!("{what} is {value}, it is too large"))))
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Integer {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        object.extract::<i128>().map(Self).map_err(|error| {
+            if error.is_instance_of::<PyOverflowError>(object.py()) {
+                // Beyond 2^127 in either direction.
+                to_py(Error::Invalid(format!("{} is outside of every bound", *object)))
+            } else {
+                error
+            }
+        })
+    }
+}
+
+/// The `seed=` of random draws.
+pub fn read_seed(object: &Bound<'_, PyAny>) -> PyResult<u64> {
+    object.extract::<Integer>()?.at_least("seed", 0)
+}
+
+/// The `threads=` of long calls.
+#[derive(Clone, Copy)]
+pub struct Threads(i128);
+
+/// More threads than any machine has cores; starting a million of them takes minutes.
+const MAX_THREADS: i128 = 1_024;
+
+impl Threads {
+    /// The number, which is checked here.
+    pub fn count(self) -> PyResult<usize> {
+        if (1..=MAX_THREADS).contains(&self.0) {
+            return Ok(self.0 as usize);
+        }
+        let bound = if self.0 < 1 { "at least 1".into() } else { format!("at most {MAX_THREADS}") };
+        Err(to_py(Error::Invalid(format!("threads is {}, it must be {bound}", self.0))))
+    }
+}
+
+impl From<usize> for Threads {
+    fn from(count: usize) -> Self {
+        Self(i128::try_from(count).unwrap_or(i128::MAX))
+    }
+}
+
+impl From<usize> for Integer {
+    fn from(count: usize) -> Self {
+        Self(i128::try_from(count).unwrap_or(i128::MAX))
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Threads {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        Integer::extract(object).map(|n| Self(n.0))
+    }
 }
 
 fn shape_text(shape: &[usize]) -> String {

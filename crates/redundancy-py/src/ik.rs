@@ -14,7 +14,7 @@ use redundancy_core::{Error, Pose, Status, pose_to_row_major};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Fresh, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::convert::{Fresh, Threads, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::rotation::{PyCone, PyQuaternionVolume};
@@ -93,7 +93,7 @@ impl PySphericalWristArm {
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         limits: bool,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<PySolveBatch> {
         let poses = Batch::read(poses)?;
         let n = poses.len();
@@ -117,7 +117,7 @@ impl PySphericalWristArm {
         py: Python<'py>,
         pose: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Option<Bound<'py, PyAny>>> {
         let poses = read_poses(pose)?;
         let Some(n) = poses.batch else {

@@ -12,7 +12,7 @@ use redundancy_core::path::{
 };
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
-use crate::convert::{Fresh, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::convert::{Fresh, Integer, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::status::event_kind_to_py;
 
@@ -311,8 +311,9 @@ pub fn paths_circle(
     turns: f64,
     normal: &Bound<'_, PyAny>,
     orientation: Option<&Bound<'_, PyAny>>,
-    n: usize,
+    n: Integer,
 ) -> PyResult<PyPath> {
+    let n = n.count("n", 0)?;
     let (center, normal) = (read_array::<3>(center, "center")?, read_array::<3>(normal, "normal")?);
     let circle = Circle::new(center.into(), radius, start, turns, normal.into()).map_err(to_py)?;
     let path = PyPath::from(circle.path(n).map_err(to_py)?);
@@ -326,13 +327,14 @@ pub fn paths_raster(
     origin: &Bound<'_, PyAny>,
     length: f64,
     spacing: f64,
-    strokes: usize,
+    strokes: Integer,
     corner: Option<f64>,
     orientation: Option<&Bound<'_, PyAny>>,
     step: f64,
     along: &Bound<'_, PyAny>,
     across: &Bound<'_, PyAny>,
 ) -> PyResult<PyPath> {
+    let strokes = strokes.count("strokes", 0)?;
     let origin = read_array::<3>(origin, "origin")?;
     let (along, across) = (read_array::<3>(along, "along")?, read_array::<3>(across, "across")?);
     let raster = Raster::new(origin.into(), length, spacing, strokes, corner, along.into(), across.into());
@@ -350,8 +352,13 @@ pub struct PyEvent {
 #[pymethods]
 impl PyEvent {
     #[new]
-    fn new(kind: &str, index: usize, t: f64, s: f64, message: String) -> PyResult<Self> {
-        let kind = kind.parse().map_err(to_py)?;
+    fn new(kind: &str, index: Integer, t: f64, s: f64, message: String) -> PyResult<Self> {
+        let (kind, index) = (kind.parse().map_err(to_py)?, index.count("index", 0)?);
+        for (what, value) in [("t", t), ("s", s)] {
+            if !value.is_finite() {
+                return Err(to_py(Error::NotFinite { what: what.into(), index: 0, value }));
+            }
+        }
         Ok(Self { event: Event { kind, index, t, s, message } })
     }
 
@@ -555,7 +562,7 @@ fn read_npz(py: Python<'_>, path: &std::path::Path) -> PyResult<PyTrajectory> {
         }
         let events = kinds.iter().zip(indices).zip(t).zip(s).zip(messages);
         let events = events.map(|((((kind, index), t), s), message)| {
-            PyEvent::new(kind, index, t, s, message).and_then(|event| Bound::new(py, event))
+            PyEvent::new(kind, index.into(), t, s, message).and_then(|event| Bound::new(py, event))
         });
         let events = events.collect::<PyResult<Vec<_>>>()?;
         let (q, qd) = (file.get_item("q")?, file.get_item("qd")?);
@@ -566,6 +573,10 @@ fn read_npz(py: Python<'_>, path: &std::path::Path) -> PyResult<PyTrajectory> {
     result
 }
 
+fn read_smoothing(object: &Bound<'_, PyAny>) -> PyResult<usize> {
+    object.extract::<Integer>()?.count("smoothing", 0)
+}
+
 /// Times for joint rows from velocity limits.
 #[pyfunction]
 #[pyo3(name = "times_within_limits", signature = (q, velocity_limits, *, velocity_fraction=0.9, smoothing=10))]
@@ -574,7 +585,7 @@ pub fn py_times_within_limits<'py>(
     q: &Bound<'py, PyAny>,
     velocity_limits: &Bound<'py, PyAny>,
     velocity_fraction: f64,
-    smoothing: usize,
+    #[pyo3(from_py_with = read_smoothing)] smoothing: usize,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let limits = read_vector(velocity_limits, "velocity_limits", None)?;
     let q = read_joint_rows(q, "q", limits.len())?;

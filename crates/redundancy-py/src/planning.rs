@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use redundancy_core::Error;
 use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 
-use crate::convert::{read_vector, to_array};
+use crate::convert::{Integer, read_vector, to_array};
 use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
 use crate::self_motion::{PySrsArm, signs_of};
@@ -78,12 +78,13 @@ pub fn py_plan_swivel<'py>(
     branch: Option<[i8; 3]>,
     margin: f64,
     velocity_limits: Option<VelocityLimits<'py>>,
-    swivels: Option<usize>,
+    swivels: Option<Integer>,
     limit_weight: Option<f64>,
     motion_weight: Option<f64>,
     swivel_weight: Option<f64>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PySwivelPlan>> {
+    let swivels = swivels.map(|n| n.count("swivels", 0)).transpose()?;
     let (arm, path) = (&arm.get().arm, &path.get().path);
     let choice = match (desired, fixed) {
         (None, None) => SwivelChoice::Free,

@@ -14,7 +14,7 @@ use redundancy_core::rotation::{
 use redundancy_core::{Error, Result, Status};
 
 use crate::batch::in_blocks;
-use crate::convert::{Fresh, read_array, read_rows, read_vector, to_array};
+use crate::convert::{Fresh, Integer, Threads, read_array, read_rows, read_seed, read_vector, to_array};
 use crate::error::to_py;
 use crate::status::{status_to_py, statuses_to_py};
 
@@ -49,7 +49,7 @@ fn map_rows<'py, T, const IN: usize>(
     object: &Bound<'py, PyAny>,
     what: &str,
     out: &[usize],
-    threads: Option<usize>,
+    threads: Option<Threads>,
     f: impl Fn([f64; IN], &mut [T]) -> Result<()> + Sync,
 ) -> PyResult<Bound<'py, PyAny>>
 where
@@ -116,7 +116,7 @@ impl IntoPyObjectScalar for bool {
 fn map_quaternions<'py, T>(
     object: &Bound<'py, PyAny>,
     out: &[usize],
-    threads: Option<usize>,
+    threads: Option<Threads>,
     f: impl Fn(&UnitQuaternion<f64>, &mut [T]) + Sync,
 ) -> PyResult<Bound<'py, PyAny>>
 where
@@ -189,24 +189,24 @@ impl PyCone {
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn angle<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn angle<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.angle(q))
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.margin(q))
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
             out.copy_from_slice(self.cone.gradient(q).as_slice());
         })
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.cone.hessian(q), out))
     }
 
@@ -265,24 +265,24 @@ impl PySpin {
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn twist<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn twist<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.twist(q))
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.margin(q))
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
             out.copy_from_slice(self.spin.gradient(q).as_slice());
         })
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.spin.hessian(q), out))
     }
 
@@ -388,7 +388,7 @@ impl PyQuaternionVolume {
         &self,
         q: &Bound<'py, PyAny>,
         tol: f64,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         if tol.is_nan() || tol < 0.0 {
             return Err(to_py(Error::OutOfRange { what: "tol".into(), value: tol, bound: ">= 0".into() }));
@@ -397,12 +397,12 @@ impl PyQuaternionVolume {
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.margin(q))
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn angles<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn angles<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         let k = self.volume.dimension();
         map_quaternions(q, &[k], threads, |q, out: &mut [f64]| {
             out.copy_from_slice(&self.volume.angles(q)[..k]);
@@ -415,14 +415,18 @@ impl PyQuaternionVolume {
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn visualising<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn visualising<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        threads: Option<Threads>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[4], threads, |q, out: &mut [f64]| {
             out.copy_from_slice(&rotation::to_wxyz(&self.volume.visualising(q)));
         })
     }
 
     #[pyo3(signature = (q, *, threads=None))]
-    fn nearest<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn nearest<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[4], threads, |q, out: &mut [f64]| {
             out.copy_from_slice(&rotation::to_wxyz(&self.volume.nearest(q)));
         })
@@ -442,15 +446,30 @@ impl PyQuaternionVolume {
     }
 
     #[pyo3(signature = (n, seed=0))]
-    fn sample<'py>(&self, py: Python<'py>, n: usize, seed: u64) -> PyResult<Bound<'py, PyAny>> {
+    fn sample<'py>(
+        &self,
+        py: Python<'py>,
+        n: Integer,
+        #[pyo3(from_py_with = read_seed)] seed: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
         const MOST: usize = 10_000_000;
+        let n = n.count("n", 0)?;
         if n > MOST {
             let bound = format!("at most {MOST}; draw more with other seeds");
             return Err(to_py(Error::OutOfRange { what: "n".into(), value: n as f64, bound }));
         }
-        let list = py.detach(|| self.volume.sample(n, seed));
-        let values: Vec<f64> = list.iter().flat_map(rotation::to_wxyz).collect();
-        Ok(to_array(py, &values, [n, 4])?.into_any())
+        let mut values = Fresh::<f64, _>::new(py, [n, 4]);
+        let memory = values.memory()?;
+        let mut sampler = self.volume.sampler(seed);
+        for block in memory.chunks_mut(4 * BLOCK) {
+            py.detach(|| {
+                for (row, q) in block.chunks_exact_mut(4).zip(sampler.by_ref()) {
+                    row.copy_from_slice(&rotation::to_wxyz(&q));
+                }
+            });
+            py.check_signals()?;
+        }
+        Ok(values.finish().into_any())
     }
 
     #[pyo3(signature = (distance, along="tool"))]
@@ -581,13 +600,14 @@ impl PyOrientationOptimizer {
         constraints: &Bound<'_, PyAny>,
         method: &str,
         tolerance: Option<f64>,
-        max_iterations: Option<u32>,
+        max_iterations: Option<Integer>,
         step: Option<f64>,
         backtracking: bool,
     ) -> PyResult<Self> {
         let barriers: PyResult<Vec<Barrier>> =
             constraints.try_iter()?.enumerate().map(|(index, item)| read_barrier(&item?, index)).collect();
         let method = method.parse().map_err(to_py)?;
+        let max_iterations = max_iterations.map(|n| n.at_least("max_iterations", 1)).transpose()?;
         let settings = OrientationSettings { method, tolerance, max_iterations, step, backtracking };
         let optimizer = OrientationOptimizer::new(barriers?, settings).map_err(to_py)?;
         Ok(Self { optimizer })
@@ -624,13 +644,13 @@ impl PyOrientationOptimizer {
 
     /// Sum of weight x barrier.
     #[pyo3(signature = (q, *, threads=None))]
-    fn value<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn value<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.optimizer.value(q))
     }
 
     /// The margins in the order of the constraints.
     #[pyo3(signature = (q, *, threads=None))]
-    fn margins<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+    fn margins<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[self.optimizer.barriers().len()], threads, |q, out: &mut [f64]| {
             out.iter_mut().zip(self.optimizer.margins(q)).for_each(|(slot, m)| *slot = m);
         })
@@ -797,7 +817,7 @@ pub fn optimal_directions<'py>(
     alpha: f64,
     k_err: f64,
     k_tcp: f64,
-    threads: Option<usize>,
+    threads: Option<Threads>,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let (u, c) = (read_rows(normals, "normals", &[3])?, read_rows(directions, "directions", &[3])?);
     if let (Some(expected), Some(actual)) = (u.batch, c.batch)
@@ -829,7 +849,7 @@ macro_rules! angles {
         /// Quaternions of Euler angles.
         #[pyfunction]
         #[pyo3(signature = (angles, *, threads=None))]
-        pub fn $from<'py>(angles: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        pub fn $from<'py>(angles: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
             map_rows::<f64, 3>(angles, "angles", &[4], threads, |a, out| {
                 if let Some(index) = a.iter().position(|x| !x.is_finite()) {
                     return Err(Error::NotFinite { what: "angles".into(), index, value: a[index] });
@@ -842,7 +862,7 @@ macro_rules! angles {
         /// Euler angles of quaternions.
         #[pyfunction]
         #[pyo3(signature = (q, *, threads=None))]
-        pub fn $to<'py>(q: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        pub fn $to<'py>(q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
             map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
                 out.copy_from_slice(&rotation::$core_to(q));
             })

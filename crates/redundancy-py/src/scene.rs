@@ -9,7 +9,7 @@ use redundancy_core::{Error, pose_to_row_major};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{read_array, read_pose, read_rows, to_array};
+use crate::convert::{Threads, read_array, read_pose, read_rows, to_array};
 use crate::error::to_py;
 
 /// Configurations between two looks for Ctrl-C.
@@ -300,7 +300,7 @@ impl PyScene {
         chain: &Bound<'py, PyChain>,
         q: &Bound<'py, PyAny>,
         link_radius: f64,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyClearance>> {
         let chain = &chain.get().chain;
         let n = chain.dof();

@@ -5,13 +5,15 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use redundancy_core::Error;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::self_motion::{Chart, Choice, SelfMotion, SrsArm, Swivel};
+use redundancy_core::{Error, Pose};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Fresh, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::convert::{
+    Fresh, Threads, pose_to_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array,
+};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::status::status_to_py;
@@ -103,7 +105,7 @@ impl PySrsArm {
         swivels: &Bound<'py, PyAny>,
         limits: bool,
         out: Option<&Bound<'py, PyAny>>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<PySolveBatch> {
         let poses = Batch::read(poses)?;
         let n = poses.len();
@@ -148,7 +150,7 @@ impl PySrsArm {
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         margin: f64,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let poses = Batch::read(poses)?;
         let (mut owner, mut bounds): (Vec<i64>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -174,7 +176,7 @@ impl PySrsArm {
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         criterion: &Bound<'py, PyCriterion>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<PyChoiceBatch> {
         let poses = Batch::read(poses)?;
         let criterion = &*criterion.get().criterion;
@@ -194,7 +196,7 @@ impl PySrsArm {
         py: Python<'py>,
         pose: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<Option<Bound<'py, PyAny>>> {
         let poses = read_poses(pose)?;
         if poses.batch.is_some() {
@@ -214,7 +216,7 @@ impl PySrsArm {
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         q: &Bound<'py, PyAny>,
-        threads: Option<usize>,
+        threads: Option<Threads>,
     ) -> PyResult<PyChoiceBatch> {
         let poses = Batch::read(poses)?;
         let wish = read_rows(q, "q", &[7])?;
@@ -264,9 +266,10 @@ impl PySrsArm {
     }
 
     /// Every configuration over a pose, as an object.
-    fn self_motion(&self, pose: &Bound<'_, PyAny>) -> PyResult<PySelfMotion> {
-        let motion = self.arm.self_motion(&read_pose(pose)?).map_err(to_py)?;
-        Ok(PySelfMotion { motion: Arc::new(motion) })
+    fn self_motion(this: &Bound<'_, Self>, pose: &Bound<'_, PyAny>) -> PyResult<PySelfMotion> {
+        let pose = read_pose(pose)?;
+        let motion = this.get().arm.self_motion(&pose).map_err(to_py)?;
+        Ok(PySelfMotion { motion: Arc::new(Motion { motion, arm: this.clone().unbind(), pose }) })
     }
 
     /// What to add to a swivel of this chart to have that of another arm's chart at the same pose.
@@ -351,6 +354,26 @@ fn output<'py, T: numpy::Element>(
     Ok(array.clone())
 }
 
+/// A circle of solutions with what it was made from, which is what it pickles as.
+struct Motion {
+    motion: SelfMotion,
+    arm: Py<PySrsArm>,
+    pose: Pose,
+}
+
+impl std::ops::Deref for Motion {
+    type Target = SelfMotion;
+
+    fn deref(&self) -> &SelfMotion {
+        &self.motion
+    }
+}
+
+/// A method of the Python object of `motion`, for `__reduce__`.
+fn method_of<'py>(py: Python<'py>, motion: &Arc<Motion>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    Py::new(py, PySelfMotion { motion: motion.clone() })?.bind(py).getattr(name)
+}
+
 /// Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s.
 #[pyclass(name = "SolveBatch", module = "redundancy", frozen)]
 pub struct PySolveBatch {
@@ -372,6 +395,16 @@ impl PySolveBatch {
         self.valid.clone_ref(py)
     }
 
+    #[staticmethod]
+    fn _restore(q: Py<PyArrayDyn<f64>>, valid: Py<PyArrayDyn<bool>>) -> Self {
+        Self { q, valid }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let restore = py.get_type::<Self>().getattr("_restore")?;
+        (restore, (self.q.clone_ref(py), self.valid.clone_ref(py))).into_pyobject(py)
+    }
+
     fn __repr__(&self, py: Python<'_>) -> String {
         format!("SolveBatch({} poses)", self.q.bind(py).shape()[0])
     }
@@ -381,7 +414,7 @@ impl PySolveBatch {
 #[pyclass(name = "Choice", module = "redundancy", frozen)]
 pub struct PyChoice {
     choice: Option<Choice>,
-    motion: Arc<SelfMotion>,
+    motion: Arc<Motion>,
 }
 
 #[pymethods]
@@ -420,6 +453,11 @@ impl PyChoice {
     #[getter]
     fn reason(&self) -> String {
         self.motion.reason()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let parts = self.choice.map(|c| (c.q, c.swivel, c.branch, c.value));
+        (method_of(py, &self.motion, "_choice")?, (parts,)).into_pyobject(py)
     }
 
     fn __repr__(&self) -> String {
@@ -475,6 +513,24 @@ impl PyChoiceBatch {
 
 #[pymethods]
 impl PyChoiceBatch {
+    #[staticmethod]
+    fn _restore(
+        q: Py<PyArray2<f64>>,
+        swivel: Py<PyArray1<f64>>,
+        branch: Py<PyArray2<i8>>,
+        value: Py<PyArray1<f64>>,
+        valid: Py<PyArray1<bool>>,
+    ) -> Self {
+        Self { q, swivel, branch, value, valid }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let restore = py.get_type::<Self>().getattr("_restore")?;
+        let (q, swivel, branch) =
+            (self.q.clone_ref(py), self.swivel.clone_ref(py), self.branch.clone_ref(py));
+        (restore, (q, swivel, branch, self.value.clone_ref(py), self.valid.clone_ref(py))).into_pyobject(py)
+    }
+
     fn __repr__(&self, py: Python<'_>) -> String {
         format!("ChoiceBatch({} poses)", self.valid.bind(py).len())
     }
@@ -483,7 +539,7 @@ impl PyChoiceBatch {
 /// Every configuration over one pose: up to eight circles.
 #[pyclass(name = "SelfMotion", module = "redundancy", frozen)]
 pub struct PySelfMotion {
-    motion: Arc<SelfMotion>,
+    motion: Arc<Motion>,
 }
 
 #[pymethods]
@@ -519,6 +575,21 @@ impl PySelfMotion {
         Ok(PyChoice { choice: self.motion.nearest(&q).map_err(to_py)?, motion: self.motion.clone() })
     }
 
+    fn _branch(&self, index: usize) -> PyResult<PyBranch> {
+        self.motion.branch(index).map_err(to_py)?;
+        Ok(PyBranch { motion: self.motion.clone(), index })
+    }
+
+    fn _choice(&self, parts: Option<([f64; 7], f64, usize, f64)>) -> PyChoice {
+        let choice = parts.map(|(q, swivel, branch, value)| Choice { q, swivel, branch, value });
+        PyChoice { choice, motion: self.motion.clone() }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let make = self.motion.arm.bind(py).getattr("self_motion")?;
+        (make, (pose_to_array(py, &self.motion.pose)?,)).into_pyobject(py)
+    }
+
     fn __repr__(&self) -> String {
         let reason = self.motion.reason();
         let text =
@@ -530,7 +601,7 @@ impl PySelfMotion {
 /// One circle of configurations.
 #[pyclass(name = "Branch", module = "redundancy", frozen)]
 pub struct PyBranch {
-    motion: Arc<SelfMotion>,
+    motion: Arc<Motion>,
     index: usize,
 }
 
@@ -557,6 +628,10 @@ impl PyBranch {
 
 #[pymethods]
 impl PyBranch {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (method_of(py, &self.motion, "_branch")?, (self.index,)).into_pyobject(py)
+    }
+
     /// Signs (shoulder, elbow, wrist).
     #[getter]
     fn signs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {

@@ -151,7 +151,16 @@ impl Trajectory {
         check_length("q", &q, entries)?;
         check_finite("q", &q)?;
         let qd = match qd {
-            None => differences(&t, &q, joint_names.len()),
+            None => {
+                let qd = differences(&t, &q, joint_names.len());
+                if let Some(i) = qd.iter().position(|v| !v.is_finite()) {
+                    let (row, joint) = (i / joint_names.len(), &joint_names[i % joint_names.len()]);
+                    return Err(Error::Invalid(format!(
+                        "joint '{joint}' moves too far in too short a time at row {row}: its speed is not finite"
+                    )));
+                }
+                qd
+            }
             Some(qd) => {
                 check_length("qd", &qd, entries)?;
                 check_finite("qd", &qd)?;
@@ -160,6 +169,13 @@ impl Trajectory {
         };
         for event in &events {
             check_finite("event", &[event.t, event.s])?;
+            if event.index >= t.len() {
+                return Err(Error::Invalid(format!(
+                    "an event has index {}, the trajectory has {} rows",
+                    event.index,
+                    t.len()
+                )));
+            }
         }
         Ok(Self { joint_names, t, q, qd, events })
     }

@@ -448,8 +448,13 @@ impl QuaternionVolume {
     /// The middle angle is drawn with the weight `|sin(phi_2 - atan2(C, B))|`, and members that the box describes
     /// twice are kept half of the time.
     pub fn sample(&self, n: usize, seed: u64) -> Vec<UnitQuaternion<f64>> {
+        self.sampler(seed).take(n).collect()
+    }
+
+    /// The members that [`sample`](Self::sample) draws, one by one and without end.
+    pub fn sampler(&self, seed: u64) -> impl Iterator<Item = UnitQuaternion<f64>> + Send + '_ {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        (0..n).map(|_| self.draw(&mut random)).collect()
+        std::iter::repeat_with(move || self.draw(&mut random))
     }
 
     /// Where the tool axis z meets the plane perpendicular to its undisturbed direction, `distance` away, before any
