@@ -214,9 +214,6 @@ pub const SAME_VALUE: f64 = 1e-12;
 /// Rounding of a sum of weighted logarithms, relative to the larger of the sum and its weights: a few additions.
 pub const VALUE_ROUNDING: f64 = 4e-16;
 
-/// Square of a step's length below which `1 / sqrt(1 + s)` is its series up to the third power: the fourth is 3e-17.
-pub const ROOT_SERIES: f64 = 1e-4;
-
 /// Swivels (rad) this near to each other at which limits are met may be one touching point: the double root of a tangent
 /// is resolved to the root of the rounding error, some 1e-8.
 pub const LIMITS_MEET: f64 = 1e-6;

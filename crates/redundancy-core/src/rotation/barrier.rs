@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::error::Result;
 use crate::rotation::arc::check_weight;
-use crate::rotation::cone::{Constraint, Local, Spin, unpack};
+use crate::rotation::cone::{Cone, Constraint, Local, Spin, unpack};
 
 /// A constraint and the weight of its barrier.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,10 +79,7 @@ pub(crate) fn value(barriers: &[Barrier], q: &UnitQuaternion<f64>) -> f64 {
     let rotation = q.to_rotation_matrix().into_inner();
     let mut sum = 0.0;
     for barrier in barriers {
-        let margin = match &barrier.constraint {
-            Constraint::Cone(cone) => cone.slope(&rotation).0,
-            Constraint::Spin(spin) => spin.slope(q).0,
-        };
+        let margin = margin(barrier, q, &rotation);
         let inside = margin > 0.0;
         if !inside {
             return f64::INFINITY;
@@ -90,6 +87,22 @@ pub(crate) fn value(barriers: &[Barrier], q: &UnitQuaternion<f64>) -> f64 {
         sum -= barrier.weight * margin.ln();
     }
     sum
+}
+
+/// Whether `q` is inside of every set.
+#[inline]
+pub(crate) fn inside(barriers: &[Barrier], q: &UnitQuaternion<f64>) -> bool {
+    let rotation = q.to_rotation_matrix().into_inner();
+    barriers.iter().all(|barrier| margin(barrier, q, &rotation) > 0.0)
+}
+
+/// The margin at `q` with its rotation matrix.
+#[inline]
+fn margin(barrier: &Barrier, q: &UnitQuaternion<f64>, rotation: &Matrix3<f64>) -> f64 {
+    match &barrier.constraint {
+        Constraint::Cone(cone) => cone.slope(rotation).0,
+        Constraint::Spin(spin) => spin.margin(q),
+    }
 }
 
 /// Sum of the barriers' gradients; `None` outside.
@@ -132,7 +145,12 @@ fn sum(
     let mut sum = Model { gradient: Vector3::zeros(), hessian: [0.0; 6] };
     for barrier in barriers {
         let Local { margin, gradient: g, hessian: h } = match &barrier.constraint {
-            Constraint::Cone(cone) => cone.local(&rotation),
+            Constraint::Cone(cone) => {
+                if !add_cone(&mut sum, cone, barrier.weight, &rotation) {
+                    return None;
+                }
+                continue;
+            }
             Constraint::Spin(spin) => spin_local(spin, q),
         };
         let inside = margin > 0.0;
@@ -149,6 +167,33 @@ fn sum(
         }
     }
     Some(sum)
+}
+
+/// Adds a cone's barrier: with `c = R^T d`, `G = b x c` the margin's gradient is `G/2` and its Hessian
+/// `(b c^T + c b^T)/4 - (b . c)/2`. False outside.
+#[inline]
+fn add_cone(sum: &mut Model, cone: &Cone, weight: f64, rotation: &Matrix3<f64>) -> bool {
+    let b = cone.body_axis().into_inner();
+    let c = rotation.tr_mul(&cone.direction());
+    let margin = cone.margin_between(&b, &c);
+    let inside = margin > 0.0;
+    if !inside {
+        return false;
+    }
+    let inverse = 1.0 / margin;
+    let quarter = 0.25 * weight * inverse;
+    let g = b.cross(&c);
+    let (u, v) = (g * (quarter * inverse), c * quarter);
+    let along = 2.0 * (b.x * v.x + b.y * v.y + b.z * v.z);
+    sum.gradient -= g * (2.0 * quarter);
+    let h = &mut sum.hessian;
+    h[0] += u.x * g.x - 2.0 * b.x * v.x + along;
+    h[1] += u.x * g.y - (b.x * v.y + b.y * v.x);
+    h[2] += u.x * g.z - (b.x * v.z + b.z * v.x);
+    h[3] += u.y * g.y - 2.0 * b.y * v.y + along;
+    h[4] += u.y * g.z - (b.y * v.z + b.z * v.y);
+    h[5] += u.z * g.z - 2.0 * b.z * v.z + along;
+    true
 }
 
 /// Sum of the barriers' values and gradients; infinite outside.

@@ -290,7 +290,12 @@ impl Spin {
 
     /// `kappa^2 - (r3 / r0)^2`, positive inside [FromGravdahl2009, eqs. (20), (46)].
     pub fn margin(&self, q: &UnitQuaternion<f64>) -> f64 {
-        self.slope(q).0
+        let r = self.reference.as_ref().conjugate() * q.as_ref();
+        if r.w.abs() < SPIN_SCALAR {
+            return Self::undefined();
+        }
+        let t = r.imag().dot(&self.axis) * (1.0 / r.w);
+        self.kappa2 - t * t
     }
 
     /// Gradient of the margin at `q` in the body tangent space, 1/rad.

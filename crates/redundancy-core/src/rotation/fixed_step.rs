@@ -2,13 +2,14 @@
 //!
 //! With margins as quadratic forms of the quaternion, `m_i = Q^T A_i Q`, the gradient of the paper is
 //! `grad phi = -2 sum k_i A_i Q / m_i`; as `Q . grad phi = -2 sum k_i`, its tangential part needs no projection:
-//! `g = grad phi + 2 (sum k_i) Q`. A spin's margin is the quotient of two forms and has no radial part. The step
-//! `normalise(Q - a g)` then divides by `sqrt(1 + a^2 g^2)`, which is a series unless the step is long.
+//! `g = grad phi + 2 (sum k_i) Q`. A spin's margin is the quotient of two forms and has no radial part. As the forms
+//! hold for `Q` of any length, `normalise(Q - a g)` is done by carrying the square of the length along.
 //! In rotation vectors the gradient is half of `g`.
 //!
 //! For two cones on one body axis the same iteration runs on the rotated axis `z` alone: with `p` the part of
 //! `a sum k_i d_i / m_i` perpendicular to `z` it moves to `((1 - p^2) z + 2 p) / (1 + p^2)`, where even the quotient is
-//! left out by carrying the length `1 + p^2` along.
+//! left out by carrying the length `1 + p^2` along. The products of `z` with both directions follow from their own last
+//! values, so the iteration is one of scalars.
 //!
 //! [FromGravdahl2009, eqs. (39), (40), (44)] with the ground truth's corrections.
 
@@ -17,7 +18,7 @@ use nalgebra::{Matrix4, Quaternion, Unit, UnitQuaternion, Vector3, Vector4};
 use crate::Status;
 use crate::rotation::barrier::Barrier;
 use crate::rotation::cone::{Cone, Constraint, Spin};
-use crate::tolerance::{PLAIN_MARGIN, ROOT_SERIES, SPIN_SCALAR};
+use crate::tolerance::{PLAIN_MARGIN, SPIN_SCALAR};
 
 /// Most constraints for which the forms are kept on the stack.
 const FORMS: usize = 4;
@@ -70,9 +71,9 @@ impl Forms {
         Some(all)
     }
 
-    /// Tangential part of the paper's gradient; `None` outside.
+    /// Tangential part of the paper's gradient at `q / sqrt(squared)`, times the length of `q`; `None` outside.
     #[inline]
-    fn gradient(&self, q: &Vector4<f64>) -> Option<Vector4<f64>> {
+    fn gradient(&self, q: &Vector4<f64>, squared: f64) -> Option<Vector4<f64>> {
         let mut sum = q * self.radial;
         for form in &self.forms[..self.count] {
             match form {
@@ -83,7 +84,7 @@ impl Forms {
                     if !inside {
                         return None;
                     }
-                    sum -= image * (2.0 * weight / margin);
+                    sum -= image * (2.0 * weight * squared / margin);
                 }
                 Form::Spin { weight, kappa2, scalar, along } => {
                     let (r0, r3) = (scalar.dot(q), along.dot(q));
@@ -91,8 +92,8 @@ impl Forms {
                     if margin.is_nan() || margin <= 0.0 || r0.abs() < SPIN_SCALAR {
                         return None;
                     }
-                    let factor = 2.0 * weight * r3 / margin;
-                    sum += (along - scalar * (r3 / r0)) * factor;
+                    let factor = 2.0 * weight * squared / (margin * r0);
+                    sum += (along * r0 - scalar * r3) * (factor * r3);
                 }
             }
         }
@@ -100,6 +101,7 @@ impl Forms {
     }
 
     /// Fixed steps until the squared gradient in rotation vectors is below `stop`; steps out of the sets are halved.
+    /// The length of `q` is carried along: the step is perpendicular to `q`, so its square adds to that of `q`.
     pub(crate) fn descend(
         &self,
         start: &UnitQuaternion<f64>,
@@ -107,21 +109,22 @@ impl Forms {
         stop: f64,
         limit: u32,
     ) -> Option<(UnitQuaternion<f64>, Status, u32)> {
-        let mut q = start.as_ref().coords;
-        let mut slope = self.gradient(&q)?;
+        let (mut q, mut squared) = (start.as_ref().coords, 1.0);
+        let mut slope = self.gradient(&q, squared)?;
         let done = |q: Vector4<f64>, status, iteration| {
             Some((Unit::new_normalize(Quaternion::from_vector(q)), status, iteration))
         };
         for iteration in 0..limit {
-            let squared = slope.norm_squared();
-            if squared <= 4.0 * stop {
+            let steepness = slope.norm_squared();
+            if steepness <= 4.0 * stop * squared {
                 return done(q, Status::Converged, iteration);
             }
             let mut length = step;
             loop {
-                let trial = (q - slope * length) * inverse_root(length * length * squared);
-                if let Some(next) = self.gradient(&trial) {
-                    (q, slope) = (trial, next);
+                let trial = q - slope * length;
+                let grown = squared + length * length * steepness;
+                if let Some(next) = self.gradient(&trial, grown) {
+                    (q, squared, slope) = (trial, grown, next);
                     break;
                 }
                 length *= 0.5;
@@ -129,15 +132,13 @@ impl Forms {
                     return done(q, Status::IterationLimit, iteration);
                 }
             }
+            if squared > LONG {
+                let factor = 1.0 / q.norm();
+                (q, squared, slope) = (q * factor, 1.0, slope * factor);
+            }
         }
         done(q, Status::IterationLimit, limit)
     }
-}
-
-/// `1 / sqrt(1 + s)`.
-#[inline]
-fn inverse_root(s: f64) -> f64 {
-    if s < ROOT_SERIES { 1.0 - s * (0.5 - s * (0.375 - s * 0.3125)) } else { 1.0 / (1.0 + s).sqrt() }
 }
 
 /// `(d . R(q) b - cos half_angle) / 2` for q of any length, in nalgebra's order (x, y, z, w).
@@ -205,7 +206,7 @@ pub(crate) fn descend_on_axis(
                 return Some((y, Status::IterationLimit, iteration));
             }
         }
-        if norm > LONG_AXIS {
+        if norm > LONG {
             y = y.normalize();
             force *= norm;
             norm = 1.0;
@@ -214,8 +215,87 @@ pub(crate) fn descend_on_axis(
     Some((y, Status::IterationLimit, limit))
 }
 
-/// Length at which the axis is normalised again.
-const LONG_AXIS: f64 = 4.0;
+/// Length of the axis, and squared length of the quaternion, at which it is normalised again.
+const LONG: f64 = 4.0;
+
+/// Two cones on one body axis, neither of them tiny: margins as they are printed, `(d . z - cos) / 2`.
+pub(crate) struct TwoPulls {
+    /// Half of each direction.
+    pub directions: [Vector3<f64>; 2],
+    /// Half of each cosine.
+    pub cosines: [f64; 2],
+    /// Twice each weight.
+    pub weights: [f64; 2],
+}
+
+impl TwoPulls {
+    /// [`descend_on_axis`] by its shadow: the axis stays in the span of its start and of both directions, so its products
+    /// with the directions tell the next ones, and one iteration is a short chain of scalars.
+    pub(crate) fn descend(
+        &self,
+        from: &Unit<Vector3<f64>>,
+        step: f64,
+        stop: f64,
+        limit: u32,
+    ) -> Option<(Vector3<f64>, Status, u32)> {
+        let Self { directions: [d1, d2], cosines: [c1, c2], weights: [k1, k2] } = self;
+        let (g11, g12, g22) = (d1.norm_squared(), d1.dot(d2), d2.norm_squared());
+        // What pulls at y, as multiples of d1 and d2, from y . d1 and y . d2.
+        let pull = |p1: f64, p2: f64, norm: f64| {
+            let (m1, m2) = (p1 - c1 * norm, p2 - c2 * norm);
+            (m1 > 0.0 && m2 > 0.0).then(|| (k1 / m1, k2 / m2))
+        };
+        // The axis is a y + b1 d1 + b2 d2.
+        let (mut y, mut a, mut b1, mut b2) = (from.into_inner(), 1.0, 0.0, 0.0);
+        let (mut p1, mut p2, mut norm) = (y.dot(d1), y.dot(d2), 1.0);
+        let (mut f1, mut f2) = pull(p1, p2, norm)?;
+        let stop = 4.0 * stop;
+        for iteration in 0..limit {
+            let along = f1 * p1 + f2 * p2;
+            let scale = norm * norm;
+            let whole = scale * (f1 * f1 * g11 + 2.0 * f1 * f2 * g12 + f2 * f2 * g22);
+            let mut across = whole - along * along;
+            if across <= PLAIN_MARGIN * whole {
+                // Near the minimum the difference cancels.
+                let (force, axis) = (d1 * f1 + d2 * f2, y * a + d1 * b1 + d2 * b2);
+                across = (force * norm - axis * (along / norm)).norm_squared();
+                if across <= stop {
+                    return Some((axis, Status::Converged, iteration));
+                }
+            }
+            let mut length = step;
+            loop {
+                let squared = length * length * across;
+                let (keep, push) = (1.0 - squared - 2.0 * length * along, 2.0 * length * scale);
+                let (n1, n2) =
+                    (keep * p1 + push * (f1 * g11 + f2 * g12), keep * p2 + push * (f1 * g12 + f2 * g22));
+                let grown = norm * (1.0 + squared);
+                if let Some(next) = pull(n1, n2, grown) {
+                    (a, b1, b2) = (keep * a, keep * b1 + push * f1, keep * b2 + push * f2);
+                    (p1, p2, norm) = (n1, n2, grown);
+                    (f1, f2) = next;
+                    break;
+                }
+                length *= 0.5;
+                if length < step * f64::EPSILON {
+                    return Some((y * a + d1 * b1 + d2 * b2, Status::IterationLimit, iteration));
+                }
+            }
+            if norm > LONG || iteration % SHADOW_STEPS == SHADOW_STEPS - 1 {
+                (y, a, b1, b2) = ((y * a + d1 * b1 + d2 * b2).normalize(), 1.0, 0.0, 0.0);
+                (p1, p2, norm) = (y.dot(d1), y.dot(d2), 1.0);
+                match pull(p1, p2, norm) {
+                    Some(next) => (f1, f2) = next,
+                    None => return Some((y, Status::IterationLimit, iteration)),
+                }
+            }
+        }
+        Some((y * a + d1 * b1 + d2 * b2, Status::IterationLimit, limit))
+    }
+}
+
+/// Steps after which the axis is computed from its shadow again: their rounding does not add up beyond 1e-14.
+const SHADOW_STEPS: u32 = 64;
 
 #[cfg(test)]
 mod tests {
@@ -234,10 +314,10 @@ mod tests {
         let q = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.25);
         let g = crate::rotation::barrier::gradient(&barriers, &q).unwrap();
         let expected = q.as_ref() * Quaternion::from_imag(2.0 * g);
-        let got = forms.gradient(&q.as_ref().coords).unwrap();
-        assert!((got - expected.coords).norm() < 1e-13 * expected.norm(), "{got} {expected}");
-        for s in [0.0, 1e-9, 0.9 * ROOT_SERIES, 1.1 * ROOT_SERIES, 2.0] {
-            assert!((inverse_root(s) - (1.0 + s).sqrt().recip()).abs() < 2e-16);
+        for length in [1.0, 1.7] {
+            let got = forms.gradient(&(q.as_ref().coords * length), length * length).unwrap();
+            let expected = expected.coords * length;
+            assert!((got - expected).norm() < 1e-13 * expected.norm(), "{got} {expected}");
         }
     }
 }

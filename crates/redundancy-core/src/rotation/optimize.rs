@@ -47,7 +47,7 @@ use crate::error::{Error, Result, check_finite};
 use crate::rotation::arc::{TwoCones, on_arc};
 use crate::rotation::barrier::{self, Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Spin, unpack};
-use crate::rotation::fixed_step::{Forms, descend_on_axis};
+use crate::rotation::fixed_step::{Forms, TwoPulls, descend_on_axis};
 use crate::rotation::quaternion::{
     angle_between, compose, half_turn, nearest_sign, shortest_arc, swing_twist, unit_direction,
 };
@@ -498,12 +498,13 @@ impl OrientationOptimizer {
             let error = size * decrement.max(0.0).sqrt();
             if decrement <= NEWTON_DECREMENT {
                 let trial = retract(&q, &step);
+                // Quadratic convergence: the error after the step is its length times the decrement before it. Where the
+                // step ends `finish` measures; no model is needed there.
+                if error <= tolerance && barrier::inside(&self.barriers, &trial) {
+                    return Some((trial, Status::Converged, iteration));
+                }
                 if let Some(next) = barrier::model(&self.barriers, &trial) {
                     (q, model, value) = (trial, next, None);
-                    // Quadratic convergence: the error after the step is its length times the decrement before it.
-                    if error <= tolerance {
-                        return Some((q, Status::Converged, iteration));
-                    }
                     continue;
                 }
             }
@@ -694,7 +695,6 @@ impl OrientationOptimizer {
             |b: &Barrier| matches!(b.constraint(), Constraint::Cone(cone) if cone.scale() > PLAIN_MARGIN);
         let (z, status, iterations) = match (two, self.barriers.as_slice()) {
             (Some((d1, d2)), [one, two]) if wide(one) && wide(two) => {
-                // Margins as they are printed, (d . z - cos) / 2: one product less on the way from z to z.
                 let half_cosine = |b: &Barrier| match b.constraint() {
                     Constraint::Cone(cone) => 0.5 - cone.scale(),
                     Constraint::Spin(_) => f64::INFINITY,
@@ -702,11 +702,8 @@ impl OrientationOptimizer {
                 let (d1, d2) = (0.5 * d1.into_inner(), 0.5 * d2.into_inner());
                 let (c1, c2) = (half_cosine(one), half_cosine(two));
                 let (k1, k2) = (2.0 * one.weight(), 2.0 * two.weight());
-                let pull = |y: &Vector3<f64>, norm: f64| {
-                    let (m1, m2) = (y.dot(&d1) - c1 * norm, y.dot(&d2) - c2 * norm);
-                    (m1 > 0.0 && m2 > 0.0).then(|| d1 * (k1 / m1) + d2 * (k2 / m2))
-                };
-                descend_on_axis(&from, step, stop, limit, pull)
+                let pulls = TwoPulls { directions: [d1, d2], cosines: [c1, c2], weights: [k1, k2] };
+                pulls.descend(&from, step, stop, limit)
             }
             _ => {
                 let pull = |y: &Vector3<f64>, norm: f64| Some(self.pull_on_axis(axis, &(y / norm))? / norm);
