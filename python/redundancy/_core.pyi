@@ -2086,7 +2086,7 @@ class CofactorCondition:
 
     @property
     def condition(self) -> float:
-        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times the eigenvalue of `classify`."""
+        """The paper's A, `det(J J^T)` times the eigenvalue of `classify`: negative at a maximum."""
 
 def cofactor_condition(
     chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None
@@ -2102,4 +2102,387 @@ def cofactor_condition(
         >>> p1 = [math.radians(x) for x in (-87.1742, 111.7847, 77.5352)]
         >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").condition)
         -4861
+    """
+
+@final
+class SelfMotionCurve:
+    """A curve of configurations with one task value, by continuation. Pickles.
+
+    The parameter s is the length of the curve in joint space from the first row.
+    """
+
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`: joint configurations that change continuously: not wound back into their limits on the way.
+
+        On a closed curve the last row is the first one plus whole turns.
+        """
+
+    @property
+    def tangents(self) -> NDArray[np.float64]:
+        """`(N, n)`: unit tangents, in the kernel of the task Jacobian."""
+
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """`(N,)`: parameter of the rows, rad (m for sliding joints)."""
+
+    @property
+    def length(self) -> float:
+        """Length of the curve."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it returns to its start, modulo whole turns of revolute joints."""
+
+    @property
+    def status(self) -> Status:
+        """`converged` (closed), `singular` (ends at kinematic singularities) or `iteration_limit` (`max_rows`)."""
+
+    @property
+    def events(self) -> list[Event]:
+        """Joint limits that are met and ends at kinematic singularities, in the order of s; `t` is s here."""
+
+    def at(self, s: float | ArrayLike) -> Any:
+        """The configuration `(n,)` or `(N, n)` at `s`, exactly on the curve; a closed curve goes on from its start.
+
+        Raises:
+            RedundancyError: a parameter that is not finite, or beyond the ends of an open curve.
+        """
+
+    def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
+        """Arcs `(k, 2)` of s on which all joint limits hold in some winding, with `margin` from each.
+
+        An arc through the start of a closed curve ends above its length: s is inside an arc `[lo, hi]` when
+        `(s - lo) mod length <= hi - lo`.
+
+        Raises:
+            RedundancyError: a margin that is negative or not finite.
+        """
+
+    def __len__(self) -> int: ...
+    @classmethod
+    def _from_parts(
+        cls,
+        chain: Chain,
+        task: Task,
+        target: _Pose,
+        s: ArrayLike,
+        q: ArrayLike,
+        tangents: ArrayLike,
+        status: str,
+        ends: list[Event],
+    ) -> SelfMotionCurve: ...
+
+def trace_self_motion(
+    chain: Chain,
+    q: ArrayLike,
+    task: str | Task | None = None,
+    *,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> SelfMotionCurve:
+    """The self-motion through `q`: all configurations with the same task value that can be reached from it.
+
+    By predictor and corrector, for any chain with one spare freedom under the task. Passes folds; ends where the curve
+    closes or at kinematic singularities (then both directions are followed).
+
+    Args:
+        chain: The arm.
+        q: `(n,)`.
+        task: What is held; default the pose.
+        step: Largest joint step between rows; default 0.01.
+        max_rows: Rows after which the curve is given up; default 200 000.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, not exactly one spare freedom, invalid settings.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("panda")
+        >>> curve = rd.trace_self_motion(arm, [0.1, 0.4, -0.2, -1.9, 0.3, 1.7, 0.5])
+        >>> curve.closed, curve.q.shape[1]
+        (True, 7)
+    """
+
+def self_motion_curves(
+    chain: Chain,
+    pose: Any,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int = 100,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> list[SelfMotionCurve]:
+    """Every self-motion curve found over `pose`.
+
+    On S-R-S arms the circles of the closed form: all there are. On other arms curves through the configurations that
+    Newton's method finds from random starts. Arguments as of `trace_self_motion` and `constrained_optima`.
+
+    Raises:
+        RedundancyError: an invalid pose, not exactly one spare freedom, invalid settings.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> [curve.closed for curve in rd.self_motion_curves(arm, [2, 0], task="planar")]
+        [True]
+    """
+
+def self_motion_patch(
+    chain: Chain, q: ArrayLike, task: str | Task | None = None, *, spacing: float = 0.05, steps: int = 10
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A sampled patch of a self-motion of two dimensions around `q`.
+
+    Args:
+        chain: The arm; the task leaves two freedoms.
+        q: `(n,)`, the middle of the patch.
+        task: What is held; default the pose.
+        spacing: Distance of neighbours along the two null directions of `q`, in (0, 0.5].
+        steps: Points on each side of the middle, at most 500.
+
+    Returns:
+        Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; those that were not repeat `q`.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, not exactly two spare freedoms, invalid settings.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar4r")
+        >>> q, valid = rd.self_motion_patch(arm, [0.2, 0.5, 0.7, 0.9], task="planar", steps=2)
+        >>> q.shape, bool(valid.all())
+        ((5, 5, 4), True)
+    """
+
+@final
+class FollowedOptimum(Trajectory):
+    """A critical point followed along a path: a trajectory with one row per path point up to its stop. Pickles.
+
+    The last event of one that stopped is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is the
+    path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints leave
+    their limits or return.
+    """
+
+    @property
+    def kind(self) -> Kind:
+        """What the critical point is; the same all along."""
+
+    @property
+    def completed(self) -> bool:
+        """Whether the path was finished."""
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """`(N,)`: the criterion at each row."""
+
+    @property
+    def sigma_min(self) -> NDArray[np.float64]:
+        """`(N,)`: smallest singular value of the task Jacobian at each row."""
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """`(N, r)`: eigenvalues of the reduced Hessian at each row, ascending."""
+
+    @property
+    def stop_q(self) -> NDArray[np.float64] | None:
+        """`(n,)`: configuration at which it stopped."""
+
+    @property
+    def stop_s(self) -> float | None:
+        """Arc length at which it stopped, m."""
+
+    @classmethod
+    def _from_parts(
+        cls,
+        trajectory: Trajectory,
+        parts: tuple[str, list[float], list[float], list[float], tuple[float, list[float]] | None],
+    ) -> FollowedOptimum: ...
+
+def follow_optimum(
+    chain: Chain,
+    path: Path,
+    q0: ArrayLike,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    step: float | None = None,
+) -> FollowedOptimum:
+    """Follows the critical point of `criterion` next to `q0` along `path`: the extended Jacobian, exactly.
+
+    Every row lies on the path and on the critical locus to rounding, so closed paths are closed in the joints. It stops
+    where the critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses
+    rank (kinematic singularity), and never jumps across.
+
+    Args:
+        chain: The arm.
+        path: What the tool does; without orientations for `position` and `planar`.
+        q0: `(n,)`: a critical point over the path's start, to about 0.02 rad; see `constrained_optima`.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        step: Largest step in the joints, from 1e-4 to 0.5; default 0.05.
+
+    Raises:
+        RedundancyError: a `q0` that is no critical point over the start, a path without the orientations that the
+            task needs, a task that leaves no spare freedom, invalid settings.
+
+    Example:
+        >>> import math, redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> h = rd.Manipulability(arm, task="planar")
+        >>> circle = rd.paths.circle((3.5, 0, 0), 1.5, start=math.pi, n=51)
+        >>> q0 = rd.constrained_optima(arm, [2, 0], h, task="planar")[0].q
+        >>> rd.follow_optimum(arm, circle, q0, h, task="planar").completed
+        True
+    """
+
+@final
+class RankedStart:
+    """A critical point at a path's start, and how far it can be followed. Pickles."""
+
+    def __new__(cls, point: CriticalPoint, trajectory: FollowedOptimum) -> RankedStart: ...
+    @property
+    def point(self) -> CriticalPoint:
+        """The critical point."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(n,)`: its configuration."""
+
+    @property
+    def value(self) -> float:
+        """h(q)."""
+
+    @property
+    def kind(self) -> Kind:
+        """What it is."""
+
+    @property
+    def completed(self) -> bool:
+        """Whether the path is finished from here."""
+
+    @property
+    def trajectory(self) -> FollowedOptimum:
+        """What following it gave."""
+
+def rank_starts(
+    chain: Chain,
+    path: Path,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int | None = None,
+    step: float | None = None,
+    threads: int | None = None,
+) -> list[RankedStart]:
+    """Follows every critical point over the start of `path`.
+
+    Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
+    those that stop come after, the furthest first.
+
+    Args:
+        chain: The arm.
+        path: What the tool does.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        seed: As of `constrained_optima`.
+        starts: As of `constrained_optima`.
+        step: As of `follow_optimum`.
+        threads: Number of threads; None: all cores.
+
+    Raises:
+        RedundancyError: as `constrained_optima` and `follow_optimum`.
+
+    Example:
+        >>> import math, redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> circle = rd.paths.circle((3.5, 0, 0), 1.5, start=math.pi, n=51)
+        >>> ranked = rd.rank_starts(arm, circle, rd.Manipulability(arm, task="planar"), task="planar")
+        >>> [start.completed for start in ranked[:3]]
+        [True, True, False]
+    """
+
+@final
+class SingularPoint:
+    """A configuration at which a critical point vanishes: an algorithmic singularity. Pickles."""
+
+    def __new__(
+        cls,
+        q: Sequence[float],
+        position: Sequence[float],
+        residual: float,
+        first_joint_free: bool,
+        dimension: int,
+    ) -> SingularPoint: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(n,)`: configuration; the first joint is zero where it is free."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """`(3,)`: where the tool is, m."""
+
+    @property
+    def residual(self) -> float:
+        """What is left of `mu = 0` and of the least eigenvalue, relative to gradient and curvature of the criterion."""
+
+    @property
+    def first_joint_free(self) -> bool:
+        """Whether every value of the first joint gives a singular point."""
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of the set it belongs to (without a free first joint): 0 for isolated points, else a sample."""
+
+def algorithmic_singularities(
+    chain: Chain,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int | None = None,
+    threads: int | None = None,
+) -> list[SingularPoint]:
+    """Where critical points of `criterion` vanish, for any value of the task.
+
+    The equations `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do
+    not depend on the first joint the points are isolated, each a circle about the base; else they are samples.
+
+    Args:
+        chain: The arm.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        seed: Of the random starts.
+        starts: Number of random starts; default 2000.
+        threads: Number of threads; None: all cores. The result does not depend on it.
+
+    Raises:
+        RedundancyError: a task that leaves no spare freedom, settings out of range.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> len(rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar"))
+        10
+    """
+
+def singularity_distance(chain: Chain, q: ArrayLike, points: list[SingularPoint]) -> Any:
+    """Distance in joint space of `q` `(n,)` or `(N, n)` from the nearest of `points`, revolute joints the short way.
+
+    The first joint is left out where it is free for all points.
+
+    Raises:
+        RedundancyError: no points, a wrong length, entries that are not finite.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> points = rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar")
+        >>> round(rd.singularity_distance(arm, points[0].q + [1.0, 0.01, 0.0], points), 12)
+        0.01
     """

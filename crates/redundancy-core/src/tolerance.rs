@@ -331,6 +331,39 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
 
+/// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
+/// its square.
+pub const FOLLOW_DONE: f64 = 1e-12;
+
+/// Joint distance (rad or m) within which a start is taken to the nearest critical point: angles printed with two
+/// decimals of a degree pass.
+pub const FOLLOW_START: f64 = 0.02;
+
+/// Ratio of the singular values of J at which a path has met a kinematic singularity. What is left of the way is of the
+/// order of its square.
+pub const FOLLOW_SINGULAR: f64 = 1e-5;
+
+/// Rate of the path parameter, relative to the speed in (q, s), at which a fold is located: s is exact to its square.
+pub const FOLLOW_FOLD: f64 = 1e-9;
+
+/// Shortest step (rad) along a critical locus: below it neither fold nor singularity explain why it cannot go on.
+pub const FOLLOW_SHORTEST: f64 = 1e-10;
+
+/// Step (rad or m) of the central difference of `det W`: the third root of the machine precision, where the errors of
+/// rounding and of the formula are alike.
+pub const SINGULARITY_DIFFERENCE: f64 = 6e-6;
+
+/// Ratio of the singular values of J above which an algorithmic singularity is not a kinematic one. Near a kinematic
+/// singularity mu and A shrink with the square of this ratio and would pass for zero.
+pub const SINGULARITY_RANK: f64 = 1e-4;
+
+/// What may be left of `mu` and of an eigenvalue of W, relative to gradient and curvature, at an algorithmic
+/// singularity.
+pub const SINGULARITY_RESIDUAL: f64 = 1e-10;
+
+/// Distance (rad or m) below which two algorithmic singularities are one.
+pub const SAME_SINGULARITY: f64 = 1e-6;
+
 /// Squared sine of the angle between two segments below which they count as parallel: the place of the nearest points
 /// of their lines is then decided by rounding, their distance is not.
 pub const SEGMENT_PARALLEL: f64 = 1e-14;
