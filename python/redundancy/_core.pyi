@@ -1117,8 +1117,9 @@ def sinusoid_minimum(K: float, a: float, b: float) -> tuple[float, float]:
 
     Example:
         >>> import redundancy as rd
-        >>> rd.sinusoid_minimum(2.0, -1.0, 0.0)
-        (0.0, 1.0)
+        >>> psi, value = rd.sinusoid_minimum(2.0, 3.0, -4.0)
+        >>> round(psi, 6), value
+        (2.214297, -3.0)
     """
 
 def half_angle_minimum(K: float, a: float, b: float, c: float, d: float) -> tuple[float, float]:

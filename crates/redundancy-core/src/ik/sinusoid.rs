@@ -52,7 +52,8 @@ impl Sinusoid {
             return (0.0, self.constant);
         }
         let psi = (-self.sin).atan2(-self.cos);
-        (if psi == -PI { PI } else { psi }, self.constant - self.cos.hypot(self.sin))
+        // Without a negative zero.
+        (if psi == -PI { PI } else { psi + 0.0 }, self.constant - self.cos.hypot(self.sin))
     }
 
     /// By how much the minimum is below the value at 0: `a + h`, written `b^2 / (h - a)` where that cancels.
