@@ -22,3 +22,4 @@ mod self_motion;
 mod spray;
 mod support;
 mod task;
+mod velocity;

@@ -10,6 +10,7 @@ mod criterion;
 mod error;
 mod ik;
 mod optimum;
+mod orientation_plan;
 mod path;
 mod planning;
 mod rotation;
@@ -18,6 +19,7 @@ mod self_motion;
 mod speed;
 mod status;
 mod task;
+mod velocity;
 
 #[pymodule]
 mod _core {
@@ -43,6 +45,8 @@ mod _core {
         py_constrained_optima, py_follow_optimum, py_rank_starts, py_singularity_distance,
     };
     #[pymodule_export]
+    use orientation_plan::{PyOrientationPlan, py_plan_orientation};
+    #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
     use rotation::{
@@ -59,6 +63,11 @@ mod _core {
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
     use task::PyTask;
+    #[pymodule_export]
+    use velocity::{
+        PyDamping, PyExtendedJacobian, PyProjectedGradient, PyReducedGradient, PyResolver,
+        PySaturatedNullspace, PyStep, PyTrack, py_track,
+    };
 
     #[pymodule_export]
     use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};

@@ -25,16 +25,20 @@
 //!
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
+mod bspline;
 #[allow(clippy::module_inception)]
 mod path;
 mod shapes;
 mod spline;
 mod table;
+mod timed;
 mod timing;
 mod trajectory;
 
+pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
+pub use timed::{Reference, TimedPath};
 pub use timing::{TimingSettings, times_within_limits};
 pub use trajectory::{Event, EventKind, Trajectory};
