@@ -231,7 +231,7 @@ impl HalfAngle {
         for _ in 0..4 {
             let next = psi - slope / curvature;
             let (s, k) = self.slopes(next);
-            if !(s.abs() < slope.abs()) {
+            if s.is_nan() || s.abs() >= slope.abs() {
                 break;
             }
             (psi, slope, curvature) = (next, s, k);
