@@ -1247,7 +1247,9 @@ class IkSolver:
 
     Args:
         chain: The arm.
-        method: `"hybrid"`, or `"newton"`: Levenberg-Marquardt from `q0`, then from random starts.
+        method: `"hybrid"`; `"newton"`: Levenberg-Marquardt from `q0`, then from random starts; or a descent algorithm
+            of the paper from `q0`, then from random starts: `"coordinate_descent"`, `"gauss_southwell"`,
+            `"gauss_southwell_rate"`, `"weighted_descent"`, `"gradient_estimate"`.
         task: Which coordinates count: a name or a `Task`; `"pose"` when left out.
         tol_position: Largest distance from the target that counts as reached, m.
         tol_orientation: Largest angle from the target that counts as reached, rad.
@@ -1258,6 +1260,13 @@ class IkSolver:
         orientation_set: `Cone` or `QuaternionVolume` of orientations that count as reached, instead of the target's.
         closed_form: Whether the closed form is used where the arm has one.
         time_limit: Seconds after which the best configuration so far is returned.
+        position_weight: Weight of the squared distance (1/m^2) in the cost of the descent algorithms and of `trace`.
+        orientation_weight: Weight of the orientation in that cost.
+        order: Order of a sweep of coordinate descent: `"tip_to_base"`, `"base_to_tip"`, `"double"`.
+        measure: Cost of an orientation: squared distances of the three `"axes"`, or of `"quaternions"`.
+        joint_weights: `(n,)` share of the way that each joint goes in weighted descent (eq. 46) and in the estimate.
+        gradient: `"true"` with a line search, or the paper's `"estimate"` as printed.
+        attractions: Secondary terms (eq. 43): link, point `(3,)`, weight; a negative weight drives the link away.
 
     Raises:
         RedundancyError: A setting out of its range, by name.
@@ -1274,7 +1283,7 @@ class IkSolver:
     def __new__(
         cls,
         chain: Chain,
-        method: Literal["hybrid", "newton"] = "hybrid",
+        method: str = "hybrid",
         task: str | Task | None = None,
         tol_position: float = 1e-6,
         tol_orientation: float = 1e-6,
@@ -1285,6 +1294,13 @@ class IkSolver:
         closed_form: bool = True,
         *,
         time_limit: float | None = None,
+        position_weight: float = 10.0,
+        orientation_weight: float = 1.0,
+        order: str = "tip_to_base",
+        measure: str = "axes",
+        joint_weights: ArrayLike | None = None,
+        gradient: str = "true",
+        attractions: Sequence[tuple[str, Sequence[float], float]] | None = None,
     ) -> Self: ...
     @property
     def chain(self) -> Chain:
@@ -1317,8 +1333,66 @@ class IkSolver:
 
         Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
         """
+    def trace(self, pose: Any, q0: ArrayLike) -> IkTrace:
+        """One run of the method from `q0`, without restarts or closed form, iteration by iteration.
+
+        `hybrid` runs as `newton`. At most `max_iterations`.
+        """
     @staticmethod
     def _restore(chain: Chain, options: dict[str, Any]) -> IkSolver: ...
+
+@final
+class IkTrace:
+    """How a run went: entry k is before iteration k, the last one is at the end."""
+
+    def __new__(
+        cls,
+        q: Sequence[float],
+        cost: Sequence[float],
+        position_error: Sequence[float],
+        orientation_error: Sequence[float],
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Where it ended, `(n,)`."""
+    @property
+    def cost(self) -> NDArray[np.float64]:
+        """Weighted cost of the descent algorithms, whatever the method."""
+    @property
+    def position_error(self) -> NDArray[np.float64]:
+        """Distances from the target, m."""
+    @property
+    def orientation_error(self) -> NDArray[np.float64]:
+        """Angles from the target, rad."""
+    def __len__(self) -> int: ...
+
+def sinusoid_minimum(K: float, a: float, b: float) -> tuple[float, float]:
+    """Where `K + a cos(psi) + b sin(psi)` is least, in (-pi, pi], and its value there: `atan2(-b, -a)`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> psi, value = rd.sinusoid_minimum(2.0, 3.0, -4.0)
+        >>> round(psi, 6), value
+        (2.214297, -3.0)
+    """
+
+def half_angle_minimum(K: float, a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """Where `K + a cos(psi) + b sin(psi) + c cos(psi/2) + d sin(psi/2)` is least over two turns, and its value."""
+
+def joint_cost(
+    axis: ArrayLike,
+    origin: ArrayLike,
+    pose: Any,
+    target: Any,
+    position_weight: float = 10.0,
+    orientation_weight: float = 1.0,
+    measure: str = "axes",
+) -> tuple[float, ...]:
+    """Coefficients of the cost of a pose while a joint about `axis` through `origin` turns it by psi.
+
+    `(K, a, b)` for the measure `"axes"` (squared distances of the point and of the three unit axes),
+    `(K, a, b, c, d)` for `"quaternions"`; for `sinusoid_minimum` and `half_angle_minimum`.
+    """
 
 @final
 class IkResult:

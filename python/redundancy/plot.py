@@ -13,9 +13,20 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
 from redundancy._core import Chain, Path, SelfMotion, SrsArm, SwivelPlan, Trajectory
+from redundancy.plot_ik import convergence, convergence_traces
 from redundancy.plot_rotation import quaternion_volume
 
-__all__ = ["joints", "quaternion_volume", "self_motion", "swivel", "swivel_band", "swivel_map", "track"]
+__all__ = [
+    "convergence",
+    "convergence_traces",
+    "joints",
+    "quaternion_volume",
+    "self_motion",
+    "swivel",
+    "swivel_band",
+    "swivel_map",
+    "track",
+]
 
 _LINE = "#1b5e8c"
 _OUTSIDE = "#e8b4a8"

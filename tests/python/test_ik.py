@@ -265,7 +265,10 @@ def test_solver_pickles_and_prints() -> None:
 @pytest.mark.parametrize(
     ("call", "text"),
     [
-        (lambda c, p: rd.IkSolver(c, "magic"), "unknown method 'magic', expected one of: hybrid, newton"),
+        (
+            lambda c, p: rd.IkSolver(c, "magic"),
+            "'magic', expected one of: hybrid, newton, coordinate_descent",
+        ),
         (lambda c, p: rd.IkSolver(c, task="pos"), "unknown task 'pos'"),
         (lambda c, p: rd.IkSolver(c, task=3), "task is 3, expected a name or a Task"),
         (lambda c, p: rd.IkSolver(c, tol_position=-1.0), "tol_position is -1, it must be > 0"),
@@ -299,3 +302,86 @@ def test_a_rotation_that_is_not_orthonormal_is_measured() -> None:
         rd.RedundancyError, match=r"max \|R\^T R - I\| \(measured \d\.\d+e-[34], bound 1e-6\)"
     ):
         rd.IkSolver(chain).solve(pose)
+
+
+# The best value of one joint, and the five descent algorithms
+
+
+def test_vector_of_the_ground_truth() -> None:
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    axis, origin = np.array([1.0, 2.0, 2.0]) / 3, [0.1, -0.2, 0.3]
+    pose = RigidTransform.from_components([0.5, 0.4, -0.1], Rotation.from_quat([0.5, 0.5, 0.5, 0.5]))
+    target = RigidTransform.from_components([-0.2, 0.3, 0.6], Rotation.from_quat([0.0, 0.6, 0.0, 0.8]))
+    coefficients = rd.joint_cost(axis, origin, pose, target, 2.0, 0.5)
+    np.testing.assert_allclose(
+        coefficients, [4.508888888888889, -0.488888888888889, -0.493333333333333], atol=1e-14
+    )
+    np.testing.assert_allclose(
+        rd.sinusoid_minimum(*coefficients), [0.7899230193939042, 3.8143457847860613], atol=1e-14
+    )
+    half = rd.half_angle_minimum(*rd.joint_cost(axis, origin, pose, target, 2.0, 0.5, "quaternions"))
+    np.testing.assert_allclose(half, [1.472141448515392, 0.9944508960034008], atol=1e-13)
+    with pytest.raises(rd.RedundancyError, match="a: entry 0 is NaN"):
+        rd.sinusoid_minimum(0.0, np.nan, 0.0)
+
+
+DESCENTS = [
+    "coordinate_descent",
+    "gauss_southwell",
+    "gauss_southwell_rate",
+    "weighted_descent",
+    "gradient_estimate",
+]
+
+
+@pytest.mark.parametrize("method", DESCENTS)
+def test_descents_descend_and_solve(method: str) -> None:
+    chain = load("puma560")
+    q = random_q(chain, 2, 11)
+    pose = chain.forward(q[0])
+    ik = rd.IkSolver(chain, method, tol_position=1e-3, tol_orientation=1e-3, max_iterations=60)
+    trace = ik.trace(pose, q[1])
+    assert len(trace) == len(trace.cost) <= 61 and repr(trace).startswith("IkTrace(")
+    if method != "weighted_descent":
+        assert (np.diff(trace.cost) <= 1e-12).all()
+    reached = chain.forward(trace.q)
+    cost = 10 * np.sum((reached[:3, 3] - pose[:3, 3]) ** 2) + np.sum((reached[:3, :3] - pose[:3, :3]) ** 2)
+    assert abs(cost - trace.cost[-1]) < 1e-10
+    many = rd.IkSolver(chain, method, tol_position=1e-3, tol_orientation=1e-3, max_iterations=100_000)
+    result = many.solve(pose)
+    assert result.status == "converged" and result.position_error <= 1e-3
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(trace)).cost, trace.cost)
+    assert repr(pickle.loads(pickle.dumps(ik))) == repr(ik)
+
+
+def test_settings_of_the_descents() -> None:
+    chain = load("iiwa14")
+    q = random_q(chain, 2, 12)
+    pose = chain.forward(q[0])
+    pulled = rd.IkSolver(
+        chain,
+        "coordinate_descent",
+        max_iterations=50,
+        order="double",
+        attractions=[("link_4", [0.3, 0.3, 0.6], 5.0)],
+    )
+    plain = rd.IkSolver(
+        chain, "coordinate_descent", max_iterations=50, order="base_to_tip", measure="quaternions"
+    )
+
+    def away(trace: rd.IkTrace) -> float:
+        return float(np.linalg.norm(chain.forward(trace.q, "link_4")[:3, 3] - [0.3, 0.3, 0.6]))
+
+    assert away(pulled.trace(pose, q[1])) < away(plain.trace(pose, q[1]))
+    assert away(pickle.loads(pickle.dumps(pulled)).trace(pose, q[1])) == away(pulled.trace(pose, q[1]))
+    for options, text in [
+        ({"order": "sideways"}, "unknown order 'sideways', expected one of: tip_to_base"),
+        ({"measure": "x"}, "unknown measure 'x'"),
+        ({"gradient": "x"}, "unknown gradient 'x'"),
+        ({"joint_weights": [2.0] * 7}, "joint weight is 2"),
+        ({"attractions": [("elbow", [0, 0, 0], 1.0)]}, "unknown link 'elbow'"),
+        ({"task": "pointing"}, "needs the task pose"),
+    ]:
+        with pytest.raises(rd.RedundancyError, match=text):
+            rd.IkSolver(chain, "weighted_descent", **options)

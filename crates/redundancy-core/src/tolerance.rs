@@ -76,13 +76,19 @@ pub const IK_CRITERION: f64 = 1e-7;
 /// Share of the tolerances to which a step along a criterion is brought back: one more step of quadratic convergence.
 pub const IK_CRITERION_SHARE: f64 = 1e-4;
 
+/// Relative fall of the cost in one iteration of a descent below which it stands still: rounding of the cost.
+pub const DESCENT_STALL: f64 = 1e-15;
+
+/// Share of the fall that the slope promises which a line search asks for (Armijo).
+pub const LINE_SEARCH_FALL: f64 = 1e-4;
+
 /// Ratio of the amplitudes of whole and half angles below which the smaller one only moves the stationary points of the
 /// other by rounding; Newton's method takes it into account.
 pub const HALF_ANGLE_FLAT: f64 = 1e-9;
 
-/// Largest distance of a root of the half-angle quartic from the unit circle that counts as on it: a double root is
-/// resolved to the root of the machine precision.
-pub const HALF_ANGLE_ROOT: f64 = 1e-6;
+/// Largest derivative, relative to the amplitudes, at a root of the half-angle quartic that counts as on the unit circle. A
+/// double root is resolved to the root of the machine precision, and the derivative there to the machine precision.
+pub const HALF_ANGLE_ROOT: f64 = 1e-11;
 
 /// Largest distance (m) between consecutive path samples that counts as standing still: below it arc length is noise.
 pub const PATH_STANDSTILL: f64 = 1e-9;

@@ -6,15 +6,18 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::ik::{
-    Configurations, IkBatch, IkMemory, IkMethod, IkResult, IkSettings, IkSolver, OrientationSet,
-    SphericalWristArm, task_target,
+    Attraction, Configurations, CostMeasure, CostWeights, DescentSettings, GradientKind, HalfAngle, IkBatch,
+    IkMemory, IkMethod, IkResult, IkSettings, IkSolver, IkTrace, OrientationSet, Sinusoid, SphericalWristArm,
+    SweepOrder, pose_cost, quaternion_cost, task_target,
 };
 use redundancy_core::kinematics::Task;
+use redundancy_core::nalgebra::Vector3;
+use redundancy_core::rotation::unit_direction;
 use redundancy_core::{Error, Pose, Status, pose_to_row_major};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Fresh, Threads, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::convert::{Fresh, Threads, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::rotation::{PyCone, PyQuaternionVolume};
@@ -235,6 +238,7 @@ pub struct PyIkSolver {
     task: Py<PyAny>,
     criterion: Option<Py<PyCriterion>>,
     orientation_set: Option<Py<PyAny>>,
+    attractions: Vec<(String, [f64; 3], f64)>,
     /// Memory of earlier calls, to be used again.
     memory: Mutex<Vec<IkMemory>>,
 }
@@ -245,6 +249,8 @@ impl PyIkSolver {
     #[pyo3(signature = (
         chain, method="hybrid", task=None, tol_position=1e-6, tol_orientation=1e-6, max_iterations=None,
         restarts=None, criterion=None, orientation_set=None, closed_form=true, *, time_limit=None,
+        position_weight=10.0, orientation_weight=1.0, order="tip_to_base", measure="axes", joint_weights=None,
+        gradient="true", attractions=None,
     ))]
     fn new(
         py: Python<'_>,
@@ -259,7 +265,27 @@ impl PyIkSolver {
         orientation_set: Option<&Bound<'_, PyAny>>,
         closed_form: bool,
         time_limit: Option<f64>,
+        position_weight: f64,
+        orientation_weight: f64,
+        order: &str,
+        measure: &str,
+        joint_weights: Option<&Bound<'_, PyAny>>,
+        gradient: &str,
+        attractions: Option<Vec<(String, [f64; 3], f64)>>,
     ) -> PyResult<Self> {
+        let attractions = attractions.unwrap_or_default();
+        let draw = |(name, target, weight): &(String, [f64; 3], f64)| -> PyResult<Attraction> {
+            let link = chain.get().chain.link_index(name).map_err(to_py)?;
+            Ok(Attraction { link, target: *target, weight: *weight })
+        };
+        let descent = DescentSettings {
+            weights: CostWeights { position: position_weight, orientation: orientation_weight },
+            order: named("order", order, &SweepOrder::ALL, SweepOrder::as_str)?,
+            measure: named("measure", measure, &CostMeasure::ALL, CostMeasure::as_str)?,
+            joint_weights: joint_weights.map(|w| read_vector(w, "joint_weights", None)).transpose()?,
+            gradient: named("gradient", gradient, &GradientKind::ALL, GradientKind::as_str)?,
+            attractions: attractions.iter().map(draw).collect::<PyResult<_>>()?,
+        };
         let method = IkMethod::from_name(method).map_err(to_py)?;
         let kind = task.map_or(Ok(Task::POSE), read_task)?;
         let defaults = IkSettings { method, ..IkSettings::default() };
@@ -273,6 +299,7 @@ impl PyIkSolver {
             criterion: criterion.map(|c| Arc::clone(&c.get().criterion)),
             orientation_set: orientation_set.map(read_set).transpose()?,
             closed_form,
+            descent,
             ..defaults
         };
         Ok(Self {
@@ -284,6 +311,7 @@ impl PyIkSolver {
             },
             criterion: criterion.map(|c| c.clone().unbind()),
             orientation_set: orientation_set.map(|s| s.clone().unbind()),
+            attractions,
             memory: Mutex::new(Vec::new()),
         })
     }
@@ -381,6 +409,14 @@ impl PyIkSolver {
         })
     }
 
+    /// One run from `q0`, iteration by iteration.
+    fn trace(&self, py: Python<'_>, pose: &Bound<'_, PyAny>, q0: &Bound<'_, PyAny>) -> PyResult<PyIkTrace> {
+        let pose = read_target(pose, &self.solver.settings().task)?;
+        let q0 = read_vector(q0, "q0", Some(self.solver.chain().dof()))?;
+        let trace = py.detach(|| self.solver.trace(&pose, &q0)).map_err(to_py)?;
+        Ok(PyIkTrace { trace })
+    }
+
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, solver) = (this.py(), this.get());
         let settings = solver.solver.settings();
@@ -395,6 +431,14 @@ impl PyIkSolver {
         options.set_item("orientation_set", solver.orientation_set.as_ref().map(|s| s.bind(py)))?;
         options.set_item("closed_form", settings.closed_form)?;
         options.set_item("time_limit", settings.time_limit)?;
+        let descent = &settings.descent;
+        options.set_item("position_weight", descent.weights.position)?;
+        options.set_item("orientation_weight", descent.weights.orientation)?;
+        options.set_item("order", descent.order.as_str())?;
+        options.set_item("measure", descent.measure.as_str())?;
+        options.set_item("joint_weights", descent.joint_weights.clone())?;
+        options.set_item("gradient", descent.gradient.as_str())?;
+        options.set_item("attractions", solver.attractions.clone())?;
         let class = this.get_type().getattr("_restore")?;
         Ok((class, (solver.chain.bind(py), options).into_pyobject(py)?))
     }
@@ -614,5 +658,123 @@ impl PyIkBatch {
 
     fn __repr__(&self, py: Python<'_>) -> String {
         format!("IkBatch({} poses)", self.__len__(py))
+    }
+}
+
+/// The member of `all` called `name`.
+fn named<T: Copy>(kind: &'static str, name: &str, all: &[T], word: fn(T) -> &'static str) -> PyResult<T> {
+    all.iter().copied().find(|x| word(*x) == name).ok_or_else(|| {
+        let valid = all.iter().map(|x| word(*x).to_owned()).collect();
+        to_py(Error::UnknownName { kind, name: name.into(), valid })
+    })
+}
+
+/// How a run went.
+#[pyclass(name = "IkTrace", module = "redundancy", frozen)]
+pub struct PyIkTrace {
+    trace: IkTrace,
+}
+
+#[pymethods]
+impl PyIkTrace {
+    #[new]
+    fn new(q: Vec<f64>, cost: Vec<f64>, position_error: Vec<f64>, orientation_error: Vec<f64>) -> Self {
+        Self { trace: IkTrace { q, cost, position_error, orientation_error } }
+    }
+
+    /// Where it ended, `(n,)`.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.trace.q)
+    }
+
+    /// Weighted cost.
+    #[getter]
+    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.trace.cost)
+    }
+
+    /// Distances from the target, m.
+    #[getter]
+    fn position_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.trace.position_error)
+    }
+
+    /// Angles from the target, rad.
+    #[getter]
+    fn orientation_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.trace.orientation_error)
+    }
+
+    fn __len__(&self) -> usize {
+        self.trace.cost.len()
+    }
+
+    fn __getnewargs__(&self) -> (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>) {
+        let t = &self.trace;
+        (t.q.clone(), t.cost.clone(), t.position_error.clone(), t.orientation_error.clone())
+    }
+
+    fn __repr__(&self) -> String {
+        let t = &self.trace;
+        let [first, last] = [t.cost.first(), t.cost.last()].map(|c| c.copied().unwrap_or_default());
+        format!("IkTrace({} iterations, cost {first:.3e} to {last:.3e})", t.cost.len().saturating_sub(1))
+    }
+}
+
+fn finite(names: &[&str], values: &[f64]) -> PyResult<()> {
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(k) => Err(to_py(Error::NotFinite { what: names[k].into(), index: 0, value: values[k] })),
+    }
+}
+
+/// Where `K + a cos(psi) + b sin(psi)` is least, and its value there.
+#[pyfunction]
+#[pyo3(signature = (K, a, b))]
+#[allow(non_snake_case)] // the letters of the paper
+pub fn sinusoid_minimum(K: f64, a: f64, b: f64) -> PyResult<(f64, f64)> {
+    finite(&["K", "a", "b"], &[K, a, b])?;
+    Ok(Sinusoid { constant: K, cos: a, sin: b }.minimum())
+}
+
+/// Where the half-angle cost is least over two turns, and its value there.
+#[pyfunction]
+#[pyo3(signature = (K, a, b, c, d))]
+#[allow(non_snake_case)] // the letters of the paper
+pub fn half_angle_minimum(K: f64, a: f64, b: f64, c: f64, d: f64) -> PyResult<(f64, f64)> {
+    finite(&["K", "a", "b", "c", "d"], &[K, a, b, c, d])?;
+    let whole = Sinusoid { constant: K, cos: a, sin: b };
+    Ok(HalfAngle { whole, half_cos: c, half_sin: d }.minimum())
+}
+
+/// Coefficients of the cost of one turning joint.
+#[pyfunction]
+#[pyo3(signature = (axis, origin, pose, target, position_weight=10.0, orientation_weight=1.0, measure="axes"))]
+pub fn joint_cost<'py>(
+    py: Python<'py>,
+    axis: &Bound<'py, PyAny>,
+    origin: &Bound<'py, PyAny>,
+    pose: &Bound<'py, PyAny>,
+    target: &Bound<'py, PyAny>,
+    position_weight: f64,
+    orientation_weight: f64,
+    measure: &str,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let axis = unit_direction("axis", read_array(axis, "axis")?).map_err(to_py)?.into_inner();
+    let origin = Vector3::from(read_array::<3>(origin, "origin")?);
+    finite(&["origin", "origin", "origin"], origin.as_slice())?;
+    finite(&["position_weight", "orientation_weight"], &[position_weight, orientation_weight])?;
+    let (pose, target) = (read_pose(pose)?, read_pose(target)?);
+    let weights = CostWeights { position: position_weight, orientation: orientation_weight };
+    match named("measure", measure, &CostMeasure::ALL, CostMeasure::as_str)? {
+        CostMeasure::Axes => {
+            let g = pose_cost(&axis, &origin, &pose, &target, &weights);
+            (g.constant, g.cos, g.sin).into_pyobject(py)
+        }
+        CostMeasure::Quaternions => {
+            let g = quaternion_cost(&axis, &origin, &pose, &target, &weights);
+            (g.whole.constant, g.whole.cos, g.whole.sin, g.half_cos, g.half_sin).into_pyobject(py)
+        }
     }
 }

@@ -34,7 +34,10 @@ mod _core {
     #[pymodule_export]
     use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
-    use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
+    use ik::{
+        PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PyIkTrace, PySphericalWristArm,
+        half_angle_minimum, joint_cost, sinusoid_minimum,
+    };
     #[pymodule_export]
     use optimum::{
         PyClassification, PyCofactorCondition, PyCriticalPoint, PyFollowedOptimum, PyRankedStart,

@@ -6,14 +6,20 @@
 
 mod batch;
 mod complex;
+mod descent;
 mod goal;
 mod newton;
+mod sinusoid;
 mod solver;
 mod spherical_wrist;
 mod starts;
 mod wrist_geometry;
 
 pub use batch::IkBatch;
+pub use descent::{
+    Attraction, CostMeasure, DescentMethod, DescentSettings, GradientKind, SweepOrder, default_joint_weights,
+};
 pub use goal::{OrientationSet, task_target};
-pub use solver::{IkMemory, IkMethod, IkResult, IkSettings, IkSolver};
+pub use sinusoid::{CostWeights, HalfAngle, Sinusoid, pose_cost, quaternion_cost, slide_within};
+pub use solver::{IkMemory, IkMethod, IkResult, IkSettings, IkSolver, IkTrace};
 pub use spherical_wrist::{Configurations, SphericalWristArm};

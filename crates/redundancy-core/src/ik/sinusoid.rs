@@ -52,7 +52,8 @@ impl Sinusoid {
             return (0.0, self.constant);
         }
         let psi = (-self.sin).atan2(-self.cos);
-        (if psi == -PI { PI } else { psi }, self.constant - self.cos.hypot(self.sin))
+        // Without a negative zero.
+        (if psi == -PI { PI } else { psi + 0.0 }, self.constant - self.cos.hypot(self.sin))
     }
 
     /// By how much the minimum is below the value at 0: `a + h`, written `b^2 / (h - a)` where that cancels.
@@ -170,10 +171,7 @@ impl HalfAngle {
     fn slopes(&self, psi: f64) -> (f64, f64) {
         let ((s, c), (sh, ch)) = (psi.sin_cos(), (0.5 * psi).sin_cos());
         let Self { whole: Sinusoid { cos: a, sin: b, .. }, half_cos: p, half_sin: q } = *self;
-        (
-            b * c - a * s + 0.5 * (q * ch - p * sh),
-            -(a * c + b * s) - 0.25 * (p * ch + q * sh),
-        )
+        (b * c - a * s + 0.5 * (q * ch - p * sh), -(a * c + b * s) - 0.25 * (p * ch + q * sh))
     }
 
     /// Where its derivative vanishes, over two turns `(-2 pi, 2 pi]`: up to four places, in no order. A constant has none.
@@ -218,9 +216,10 @@ impl HalfAngle {
         };
         for z in roots.iter() {
             let psi = 2.0 * z.arg();
-            // Roots come on the circle or in pairs z, 1 / conj z; Newton brings those on it to full precision.
+            // Roots come on the circle or in pairs z, 1 / conj z. Newton brings those on it to full precision; from
+            // the others it does not arrive.
             let exact = self.polished(psi);
-            if (z.norm() - 1.0).abs() < HALF_ANGLE_ROOT || (exact - psi).abs() < HALF_ANGLE_ROOT {
+            if self.slopes(exact).0.abs() <= HALF_ANGLE_ROOT * size {
                 visit(exact);
             }
         }
@@ -232,7 +231,7 @@ impl HalfAngle {
         for _ in 0..4 {
             let next = psi - slope / curvature;
             let (s, k) = self.slopes(next);
-            if !(s.abs() < slope.abs()) {
+            if s.is_nan() || s.abs() >= slope.abs() {
                 break;
             }
             (psi, slope, curvature) = (next, s, k);

@@ -17,6 +17,7 @@ use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::descent::{Descent, DescentMethod, DescentSettings};
 use super::goal::{Goal, OrientationSet};
 use super::newton::{End, Problem, Run, Workspace};
 use super::spherical_wrist::SphericalWristArm;
@@ -38,6 +39,8 @@ const RANKED: usize = 32;
 const UNLIMITED: usize = 8;
 /// Stored configurations; more rank better but take longer to compare.
 const STORED: usize = 1024;
+/// Most iterations of one run of a descent.
+const DESCENT_RUN: usize = 2_000;
 /// Swivels at which the closed form looks for a branch within limits before it asks for the exact arcs.
 const SWIVELS: usize = 8;
 /// Most steps along a criterion.
@@ -52,17 +55,28 @@ pub enum IkMethod {
     Hybrid,
     /// Levenberg-Marquardt from the given start, then from random ones.
     Newton,
+    /// One of the five descent algorithms from the given start, then from random ones.
+    Descent(DescentMethod),
 }
 
 impl IkMethod {
     /// Every method.
-    pub const ALL: [Self; 2] = [Self::Hybrid, Self::Newton];
+    pub const ALL: [Self; 7] = [
+        Self::Hybrid,
+        Self::Newton,
+        Self::Descent(DescentMethod::CoordinateDescent),
+        Self::Descent(DescentMethod::GaussSouthwell),
+        Self::Descent(DescentMethod::GaussSouthwellRate),
+        Self::Descent(DescentMethod::WeightedDescent),
+        Self::Descent(DescentMethod::GradientEstimate),
+    ];
 
     /// The method as a word.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Hybrid => "hybrid",
             Self::Newton => "newton",
+            Self::Descent(method) => method.as_str(),
         }
     }
 
@@ -102,6 +116,8 @@ pub struct IkSettings {
     pub orientation_set: Option<OrientationSet>,
     /// Whether the closed form of the arm is used where it has one.
     pub closed_form: bool,
+    /// Settings of the descent algorithms.
+    pub descent: DescentSettings,
 }
 
 impl Default for IkSettings {
@@ -117,6 +133,7 @@ impl Default for IkSettings {
             criterion: None,
             orientation_set: None,
             closed_form: true,
+            descent: DescentSettings::default(),
         }
     }
 }
@@ -146,6 +163,14 @@ impl IkSettings {
             check_dof(&**criterion, chain.dof())?;
         }
         let whole = matches!(self.task.kind(), TaskKind::Pose | TaskKind::PoseRpy);
+        self.descent.validate(chain)?;
+        if matches!(self.method, IkMethod::Descent(_)) && !(whole && self.orientation_set.is_none()) {
+            let (method, task) = (self.method.as_str(), self.task);
+            let set = if self.orientation_set.is_some() { " and an orientation set" } else { "" };
+            return Err(Error::Invalid(format!(
+                "method {method} needs the task pose with the target's orientation, it got the task {task}{set}"
+            )));
+        }
         if self.orientation_set.is_some() && !whole {
             return Err(Error::Invalid(format!(
                 "orientation_set needs the task pose: the task {} leaves orientations free already",
@@ -203,6 +228,19 @@ impl IkResult {
             other => format!("{other} after {} iterations, {miss}", self.iterations),
         }
     }
+}
+
+/// How a run went: entry k is before iteration k, the last one is at the end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IkTrace {
+    /// Where it ended.
+    pub q: Vec<f64>,
+    /// Weighted cost, see [`DescentSettings`].
+    pub cost: Vec<f64>,
+    /// Distances from the target, m.
+    pub position_error: Vec<f64>,
+    /// Angles from the target, rad.
+    pub orientation_error: Vec<f64>,
 }
 
 /// The closed form of an arm.
@@ -399,6 +437,67 @@ impl IkSolver {
         }
     }
 
+    fn descent(&self, method: DescentMethod) -> Descent<'_> {
+        let Inner { chain, settings, .. } = &*self.inner;
+        Descent {
+            chain,
+            method,
+            settings: &settings.descent,
+            lower: chain.lower(),
+            upper: chain.upper(),
+            tol_position: settings.tol_position,
+            tol_orientation: settings.tol_orientation,
+        }
+    }
+
+    /// One run of the method from `q0`, without restarts or closed form, with cost and errors before every iteration and
+    /// at the end. The cost is that of the descent algorithms, whatever the method; `hybrid` runs as `newton`.
+    ///
+    /// # Errors
+    /// As [`IkSolver::solve`].
+    pub fn trace(&self, pose: &Pose, q0: &[f64]) -> Result<IkTrace> {
+        check_pose("pose", pose)?;
+        let Inner { chain, settings, .. } = &*self.inner;
+        crate::error::check_vector("q0", q0, chain.dof())?;
+        let limits = chain.lower().iter().zip(chain.upper());
+        let mut q: Vec<f64> = q0.iter().zip(limits).map(|(q, (lo, hi))| q.clamp(*lo, *hi)).collect();
+        let (mut cost, mut position, mut orientation) = (Vec::new(), Vec::new(), Vec::new());
+        let mut seen = |c: f64, p: f64, o: f64| {
+            cost.push(c);
+            position.push(p);
+            orientation.push(o);
+        };
+        match settings.method {
+            IkMethod::Descent(method) => {
+                self.descent(method).run(pose, &mut q, settings.max_iterations, seen);
+            }
+            _ => {
+                let set = settings.orientation_set.as_ref();
+                let goal = Goal { target: *pose, task: settings.task, set, scale: IK_RADIANS_PER_METRE };
+                let problem = Problem {
+                    chain,
+                    lower: chain.lower(),
+                    upper: chain.upper(),
+                    tol_position: settings.tol_position,
+                    tol_orientation: settings.tol_orientation,
+                };
+                let mut work = Workspace::new(chain);
+                let weights = &settings.descent.weights;
+                for k in 0..=settings.max_iterations {
+                    let run = problem.run(&goal, &mut q, &mut work, usize::from(k > 0), false);
+                    let half = (0.5 * run.orientation).sin();
+                    let value =
+                        weights.position * run.position.powi(2) + weights.orientation * 8.0 * half * half;
+                    seen(value, run.position, run.orientation);
+                    if run.end == End::Converged {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(IkTrace { q, cost, position_error: position, orientation_error: orientation })
+    }
+
     /// Steps 2 to 4 of the module. `known` is the status that a closed form has proven: then only the nearest pose is
     /// looked for.
     fn search(
@@ -424,6 +523,7 @@ impl IkSolver {
             Search { best: nothing, iterations: 0, capped: false, deadline, starts: settings.restarts + 1 };
         let mut stopped = None;
         let ranked = if settings.method == IkMethod::Hybrid { RANKED } else { 0 };
+        let descends = matches!(settings.method, IkMethod::Descent(_));
         let near = nominal(goal);
         let mut azimuth = None;
         let mut count = 0;
@@ -449,7 +549,7 @@ impl IkSolver {
                         break;
                     }
                 }
-            } else if search.best.cost < polished && search.best.end != End::Converged {
+            } else if search.best.cost < polished && !descends && count > 1 {
                 patient = true;
                 polished = search.best.cost;
                 memory.q.copy_from_slice(&result.q);
@@ -460,8 +560,13 @@ impl IkSolver {
                 }
             }
             search.starts -= 1;
-            let cap = RUN.min(settings.max_iterations - search.iterations);
-            let run = problem.run(goal, &mut memory.q, &mut memory.work, cap, patient);
+            let left = settings.max_iterations - search.iterations;
+            let run = match settings.method {
+                IkMethod::Descent(method) => {
+                    self.descent(method).run(&goal.target, &mut memory.q, DESCENT_RUN.min(left), |_, _, _| ())
+                }
+                _ => problem.run(goal, &mut memory.q, &mut memory.work, RUN.min(left), patient),
+            };
             search.iterations += run.iterations;
             search.capped |= run.end == End::Capped;
             if run.cost < search.best.cost || run.end == End::Converged {
@@ -477,7 +582,8 @@ impl IkSolver {
             }
         }
         // Whoever is out of starts without patience gets it once.
-        if stopped.is_none() && search.best.end != End::Converged && search.best.cost < polished {
+        let arrived = search.best.end == End::Converged;
+        if stopped.is_none() && !arrived && !descends && search.best.cost < polished {
             memory.q.copy_from_slice(&result.q);
             let run = problem.run(goal, &mut memory.q, &mut memory.work, RUN, true);
             search.iterations += run.iterations;
