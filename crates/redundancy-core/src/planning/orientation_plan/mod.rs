@@ -55,10 +55,11 @@ struct Level {
 }
 
 /// From many starts on a coarse spline to a few plans on a fine one.
-const LEVELS: [Level; 3] = [
+const LEVELS: [Level; 4] = [
     Level { per_metre: 12.0, samples: 4, rounds: &[(240, 2), (100, 4), (48, 8), (24, 12)], share: 0.3 },
     Level { per_metre: 22.0, samples: 5, rounds: &[(12, 10), (6, 20)], share: 0.6 },
-    Level { per_metre: 36.0, samples: 8, rounds: &[(3, 12), (2, 400)], share: 0.97 },
+    Level { per_metre: 36.0, samples: 8, rounds: &[(3, 12), (2, 150)], share: 0.85 },
+    Level { per_metre: 52.0, samples: 8, rounds: &[(2, 400)], share: 0.97 },
 ];
 /// Fewest intervals, for short paths.
 const LEAST_INTERVALS: usize = 10;
