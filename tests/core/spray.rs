@@ -157,6 +157,11 @@ fn a_plan_is_faster_than_its_start_and_keeps_what_it_promises() {
     // The same speed from the joint positions alone, by another way to the derivatives.
     let again = max_speed(&chain, &plan.s, &plan.q, &settings.speed).unwrap();
     assert!((again.speed / plan.speed - 1.0).abs() < 2e-3, "{} {}", again.speed, plan.speed);
+    // However short the time, the path's own orientation is tried.
+    let hasty = OrientationPlanSettings { time_limit: 1e-3, ..settings.clone() };
+    let plan = plan_orientation(&chain, &path, &hasty, &PlanWatch::default()).unwrap();
+    assert_eq!(plan.status, Status::TimeLimit);
+    assert!(plan.speed >= 0.99 * plan.constant_speed.unwrap(), "{}", plan.reason);
     watch.cancel();
     let stopped = plan_orientation(&chain, &path, &settings, &watch).unwrap();
     assert_eq!(stopped.status, Status::Cancelled);

@@ -360,6 +360,10 @@ pub const LINE_RESIDUAL: f64 = 1e-8;
 /// step would be left, none of its second derivative.
 pub const LINE_SINGULAR: f64 = 1e-6;
 
+/// Misfit (m, rad) of an arm's closed form up to which its results are differentiated as they are: rounding of exact
+/// descriptions. What a larger one leaves of the pose is for Newton to remove.
+pub const LINE_DEFECT: f64 = 1e-12;
+
 /// Joint difference (rad) modulo turns below which two configurations over a pose are the same one.
 pub const SAME_LINE: f64 = 1e-6;
 

@@ -14,7 +14,7 @@ use crate::ik::SphericalWristArm;
 use crate::kinematics::{Scratch, rotation_vector};
 use crate::pose::Pose;
 use crate::self_motion::{SrsArm, Swivel};
-use crate::tolerance::{JOINT_JUMP, LINE_RESIDUAL, LINE_SINGULAR, SAME_LINE, START_NEAR};
+use crate::tolerance::{JOINT_JUMP, LINE_DEFECT, LINE_RESIDUAL, LINE_SINGULAR, SAME_LINE, START_NEAR};
 
 /// Most Newton steps from one point of a path to the next.
 const NEWTON_STEPS: usize = 12;
@@ -168,6 +168,58 @@ pub(super) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
         None
     });
     distinct(draws)
+}
+
+/// All lines over the poses at once, from the closed form of an arm with a spherical wrist: one solution per pose gives all
+/// branches. Lines that end or jump are left out. `None` for other arms, and where rounding in the description would show in
+/// second derivatives.
+pub(super) fn closed_form(chain: &Chain, poses: &[Pose]) -> Option<Vec<Vec<f64>>> {
+    let arm = SphericalWristArm::new(chain).ok()?;
+    let defect = arm.defect();
+    if defect.position.max(defect.orientation) > LINE_DEFECT {
+        return None;
+    }
+    const N: usize = 6;
+    let mut lines: [Option<Vec<f64>>; 8] = std::array::from_fn(|_| Some(Vec::with_capacity(N * poses.len())));
+    let mut rows = [[0.0; N]; 8];
+    for pose in poses {
+        let mask = arm.solve_into(pose, false, &mut rows);
+        for (b, line) in lines.iter_mut().enumerate() {
+            let Some(values) = line else { continue };
+            let mut holds = mask & (1 << b) != 0;
+            let before = values.len().checked_sub(N);
+            for (j, q) in rows[b].iter().enumerate() {
+                let value =
+                    before.map_or(*q, |at| values[at + j] + crate::rotation::wrap(q - values[at + j]));
+                holds &= before.is_none_or(|at| (value - values[at + j]).abs() <= JOINT_JUMP);
+                values.push(value);
+            }
+            if !holds {
+                *line = None;
+            }
+        }
+    }
+    let lines: Vec<Vec<f64>> = lines.into_iter().flatten().collect();
+    if lines.is_empty() { None } else { Some(lines) }
+}
+
+/// The line whose beginning is nearest to `start`, in the winding of `start`; `None` as [`closed_form`], or where none is near.
+pub(super) fn closed_form_from(chain: &Chain, poses: &[Pose], start: &[f64]) -> Option<Vec<f64>> {
+    let away = |line: &[f64]| {
+        line.iter().zip(start).map(|(q, s)| crate::rotation::wrap(q - s).abs()).fold(0.0, f64::max)
+    };
+    let mut line = closed_form(chain, poses)?.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
+    if away(&line) > JOINT_JUMP {
+        return None;
+    }
+    let turn = std::f64::consts::TAU;
+    let turns: Vec<f64> = line.iter().zip(start).map(|(q, s)| turn * ((s - q) / turn).round()).collect();
+    for row in line.chunks_exact_mut(turns.len()) {
+        for (q, turns) in row.iter_mut().zip(&turns) {
+            *q += turns;
+        }
+    }
+    Some(line)
 }
 
 /// Points that no configuration reaches, joint limits aside: exact for arms with a closed form, otherwise those that are

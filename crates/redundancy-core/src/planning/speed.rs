@@ -193,26 +193,35 @@ pub fn fastest_line(
     let first = poses.first().ok_or_else(|| Error::Invalid("the path has no point".into()))?;
     if let Some(start) = start {
         check_vector("q0", start, chain.dof())?;
-        let line =
-            lines::follow(chain, poses, start).map_err(|(k, why)| cannot_follow(chain, poses, k, why))?;
+        let line = match lines::closed_form_from(chain, poses, start) {
+            Some(line) => line,
+            None => {
+                lines::follow(chain, poses, start).map_err(|(k, why)| cannot_follow(chain, poses, k, why))?
+            }
+        };
         return Terms::new(chain, s, &line, settings, false)?.constant(chain, settings);
     }
-    let candidates = lines::starts(chain, first);
-    if candidates.is_empty() {
-        return Err(cannot_follow(chain, poses, 0, LineEnd::Lost));
-    }
-    let tried: Vec<std::result::Result<MaxSpeed, Failure>> = candidates
-        .par_iter()
-        .map(|start| {
-            let mut line = lines::follow(chain, poses, start).map_err(|(k, why)| Failure::Line(k, why))?;
-            if settings.joint_limits {
-                lines::wind(chain, &mut line).map_err(|(j, k)| Failure::Limits(j, k))?;
+    let finish = |mut line: Vec<f64>| -> std::result::Result<MaxSpeed, Failure> {
+        if settings.joint_limits {
+            lines::wind(chain, &mut line).map_err(|(j, k)| Failure::Limits(j, k))?;
+        }
+        Terms::new(chain, s, &line, settings, false)
+            .and_then(|terms| terms.constant(chain, settings))
+            .map_err(Failure::Speed)
+    };
+    let tried: Vec<std::result::Result<MaxSpeed, Failure>> = match lines::closed_form(chain, poses) {
+        Some(lines) => lines.into_par_iter().map(finish).collect(),
+        None => {
+            let candidates = lines::starts(chain, first);
+            if candidates.is_empty() {
+                return Err(cannot_follow(chain, poses, 0, LineEnd::Lost));
             }
-            Terms::new(chain, s, &line, settings, false)
-                .and_then(|terms| terms.constant(chain, settings))
-                .map_err(Failure::Speed)
-        })
-        .collect();
+            let follow = |start: &Vec<f64>| {
+                lines::follow(chain, poses, start).map_err(|(k, why)| Failure::Line(k, why)).and_then(finish)
+            };
+            candidates.par_iter().map(follow).collect()
+        }
+    };
     let mut best: Option<MaxSpeed> = None;
     let mut reason: Option<Failure> = None;
     for outcome in tried {

@@ -55,10 +55,11 @@ struct Level {
 }
 
 /// From many starts on a coarse spline to a few plans on a fine one.
-const LEVELS: [Level; 3] = [
+const LEVELS: [Level; 4] = [
     Level { per_metre: 12.0, samples: 4, rounds: &[(240, 2), (100, 4), (48, 8), (24, 12)], share: 0.3 },
     Level { per_metre: 22.0, samples: 5, rounds: &[(12, 10), (6, 20)], share: 0.6 },
-    Level { per_metre: 36.0, samples: 8, rounds: &[(3, 12), (2, 400)], share: 0.97 },
+    Level { per_metre: 36.0, samples: 8, rounds: &[(3, 12), (2, 150)], share: 0.85 },
+    Level { per_metre: 52.0, samples: 8, rounds: &[(2, 400)], share: 0.97 },
 ];
 /// Fewest intervals, for short paths.
 const LEAST_INTERVALS: usize = 10;
@@ -302,6 +303,8 @@ struct Planner<'a, const N: usize, const M: usize> {
     watch: &'a PlanWatch,
     begin: Instant,
     steps: std::sync::atomic::AtomicUsize,
+    /// Starts were left out for want of time.
+    skipped: AtomicBool,
 }
 
 impl<'a, const N: usize, const M: usize> Planner<'a, N, M>
@@ -336,7 +339,17 @@ where
         };
         let curve = Curve::new(path);
         let steps = std::sync::atomic::AtomicUsize::new(0);
-        Ok(Self { chain, path, curve, settings, bounds, watch, begin: Instant::now(), steps })
+        Ok(Self {
+            chain,
+            path,
+            curve,
+            settings,
+            bounds,
+            watch,
+            begin: Instant::now(),
+            steps,
+            skipped: AtomicBool::new(false),
+        })
     }
 
     fn arm(&self, spare: &[SVector<f64, N>]) -> Arm<'a, N> {
@@ -419,6 +432,12 @@ where
                 "stopped before the first plan".into(),
                 Vec::new(),
             );
+        }
+        if self.skipped.load(Ordering::Relaxed) {
+            let limit = self.settings.time_limit;
+            let reason =
+                format!("the time limit of {limit} s was over before a start was found that can be followed");
+            return OrientationPlan::none(Status::TimeLimit, reason, Vec::new());
         }
         // Points that are out of reach with every orientation of a sparse set in the cone.
         let poses = self.plain_poses(self.path.s());
@@ -504,12 +523,12 @@ where
                 SpinRange::Within(_) => shapes.push((*lean, Spin::Turns { from: 0.0, turns: 0.0 })),
                 SpinRange::Free => {
                     for turns in [0.0, 1.0, -1.0] {
-                        shapes.push((*lean, Spin::Pointing { turns }));
-                        let quarters = if N == 6 { 8 } else { 4 };
-                        for k in 0..quarters {
-                            let from = TAU * f64::from(k) / f64::from(quarters);
+                        let parts = if N == 6 { 8 } else { 4 };
+                        for k in 0..parts {
+                            let from = TAU * f64::from(k) / f64::from(parts);
                             shapes.push((*lean, Spin::Turns { from, turns }));
                         }
+                        shapes.push((*lean, Spin::Pointing { turns }));
                     }
                 }
             }
@@ -544,8 +563,11 @@ where
         };
         let mut found: Vec<Candidate<N, M>> = shapes
             .par_iter()
-            .flat_map_iter(|(lean, spin)| {
-                if self.over(START_SHARE) {
+            .enumerate()
+            .flat_map_iter(|(i, (lean, spin))| {
+                // The first one is the path's own orientation: it is always tried.
+                if i > 0 && self.over(START_SHARE) {
+                    self.skipped.store(true, Ordering::Relaxed);
                     return Vec::new();
                 }
                 let at_sites = shape(*lean, *spin, &sites);
