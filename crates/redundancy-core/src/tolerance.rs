@@ -371,3 +371,10 @@ pub const CLEARANCE_DIFFERENCE: f64 = 2e-6;
 
 /// Distance (m) between neighbouring joints below which no link is between them.
 pub const LINK_LENGTH: f64 = 1e-9;
+
+/// Rounding of the slope of a criterion along the self-motion, relative to its gradient and curvature.
+pub const SLOPE_NOISE: f64 = 1e-13;
+
+/// Steps between two points of a path after which a critical point is given up: only next to singularities are steps so
+/// short that this many are needed.
+pub const FOLLOW_STEPS: usize = 100_000;

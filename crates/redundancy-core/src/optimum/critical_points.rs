@@ -21,7 +21,7 @@ use crate::self_motion::{
     Fibre, SelfMotionCurve, TraceSettings, geometric, random_configurations, self_motion_curves, short_way,
     wind,
 };
-use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT};
+use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE};
 
 /// Settings of [`constrained_optima`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -188,6 +188,8 @@ struct Sample {
     s: f64,
     mu: f64,
     slope: f64,
+    /// Rounding of mu.
+    noise: f64,
 }
 
 impl<'a> Search<'a> {
@@ -208,7 +210,8 @@ impl<'a> Search<'a> {
         let at = self.classifier.stationarity_mut();
         at.second_order(&wound);
         let along: f64 = at.null_space().basis().iter().zip(t).map(|(n, t)| n * t).sum();
-        Sample { s, mu: at.mu()[0] * along.signum(), slope: at.reduced_hessian()[(0, 0)] }
+        let noise = SLOPE_NOISE * (at.scale() + at.gradient().iter().map(|g| g.abs()).sum::<f64>());
+        Sample { s, mu: at.mu()[0] * along.signum(), slope: at.reduced_hessian()[(0, 0)], noise }
     }
 
     fn along(&mut self, curve: &SelfMotionCurve) {
@@ -253,6 +256,10 @@ impl<'a> Search<'a> {
         let largest = bernstein.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let least = bernstein.iter().fold(f64::INFINITY, |m: f64, x| m.min(x.abs()));
         let crosses = (a.mu > 0.0) != (b.mu > 0.0);
+        if depth == 0 && largest <= a.noise.max(b.noise) {
+            // The criterion is constant here up to rounding: no isolated critical point.
+            return;
+        }
         match changes {
             0 if least >= CLEAR * largest => return,
             1 if crosses && (depth > 0 || h < 0.3) => return self.root(curve, a, b, shift),
