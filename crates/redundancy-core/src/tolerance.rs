@@ -378,3 +378,7 @@ pub const SLOPE_NOISE: f64 = 1e-13;
 /// Steps between two points of a path after which a critical point is given up: only next to singularities are steps so
 /// short that this many are needed.
 pub const FOLLOW_STEPS: usize = 100_000;
+
+/// Cosine of the angle between two rows at which Jacobi rotations take them for orthogonal: a few roundings of a
+/// product of six numbers; singular values are exact to the same relative size.
+pub const ORTHOGONAL: f64 = 1e-14;
