@@ -21,6 +21,7 @@ class DescriptionError(RedundancyError): ...
 class NotSrsError(RedundancyError): ...
 class NotSphericalWristError(RedundancyError): ...
 class FileFormatError(RedundancyError): ...
+class CannotFollowError(RedundancyError): ...
 
 # chain, kinematics
 
@@ -1443,6 +1444,114 @@ def fastest_profile(
 
     Raises:
         RedundancyError: As `max_speed`; a speed at an end that cannot be held.
+    """
+
+@final
+class OrientationPlan(Trajectory):
+    """A trajectory at constant tool speed with tilt and spin of the tool, one row per entry of `s`."""
+
+    @property
+    def speed(self) -> float:
+        """Constant tool speed, m/s, verified at every row; 0 without a plan."""
+    @property
+    def constant_speed(self) -> float | None:
+        """The same for the path's own orientation on the fastest branch, where it can be followed."""
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc lengths `(N,)`, m, at most 0.4 mm apart."""
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Tool poses `(N, 4, 4)`."""
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Joint torques `(N, n)` at `speed`, N m."""
+    @property
+    def tilt(self) -> NDArray[np.float64]:
+        """Tilt `(N, 2)`: rotation vector in the path's frame, its norm is the angle, rad."""
+    @property
+    def spin(self) -> NDArray[np.float64]:
+        """Spin about the tool axis `(N,)`, rad, from the path's orientation, unwound."""
+    @property
+    def status(self) -> Status:
+        """`converged`; `time_limit` or `cancelled` (the best so far); `unreachable` or `infeasible` (no rows)."""
+    @property
+    def reason(self) -> str:
+        """Why it is not `converged`; empty when it is."""
+    @property
+    def limiting_joint(self) -> int | None:
+        """Index of the joint that allows no more; `None` where it is the rate of the orientation."""
+    @property
+    def limiting_joint_name(self) -> str | None:
+        """Its name."""
+    @property
+    def limit(self) -> str:
+        """`"torque"` or `"velocity"`."""
+    @property
+    def at(self) -> int:
+        """The row where that happens."""
+    @property
+    def blocked(self) -> list[int]:
+        """Path points that no configuration reaches, for status `unreachable`."""
+    @property
+    def starts(self) -> int:
+        """Starts that could be followed."""
+    @property
+    def steps(self) -> int:
+        """Convex programs solved."""
+    @staticmethod
+    def _from_parts(
+        words: tuple[str, str, list[str]],
+        speed: float,
+        constant_speed: float | None,
+        rows: tuple[Any, ...],
+        counts: tuple[int, bool, int, int, int],
+        blocked: list[int],
+    ) -> OrientationPlan: ...
+
+def plan_orientation(
+    chain: Chain,
+    path: Path,
+    half_angle: float,
+    spin: Literal["free"] | float = ...,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    torque_margin: float = 0.0,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    joint_limits: bool = True,
+    max_rate: float | None = None,
+    time_limit: float = 60.0,
+    threads: int | None = None,
+    *,
+    orientation: ArrayLike | None = None,
+    gravity: Sequence[float] = ...,
+    progress: Callable[[float, float], object] | None = None,
+) -> OrientationPlan:
+    """Plan tilt and spin of the tool along a whole path for the highest constant tool speed.
+
+    Quintic splines of tilt and spin, sequential convex programming from many starts, verified on a grid at least five
+    times finer. A local optimum: a lower bound of what is possible.
+
+    Args:
+        chain: The arm, six or seven joints, with inertias.
+        path: The cone stands on its orientations; a path of positions has the tool axis down, or `orientation`.
+        half_angle: Largest tilt, rad, in [0, pi/2).
+        spin: `"free"`, or the largest angle about the tool axis from the path's orientation, rad.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        torque_margin: Share of the torque limits that is kept free.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        joint_limits: Whether the position limits hold.
+        max_rate: Largest rate of the tool's orientation, rad/s.
+        time_limit: Seconds after which the best plan so far is returned.
+        threads: Threads; all cores when left out.
+        orientation: `(3, 3)` for the whole path, instead of its own.
+        gravity: m/s^2, world axes.
+        progress: Called about 20 times a second with the share of the time and the highest speed so far (m/s).
+
+    Ctrl-C ends the search: the best plan so far is returned with status `cancelled`.
+
+    Raises:
+        RedundancyError: A setting out of its range, no inertias, no length, another number of joints.
     """
 
 # rotation

@@ -10,6 +10,7 @@ mod criterion;
 mod error;
 mod ik;
 mod optimum;
+mod orientation_plan;
 mod path;
 mod planning;
 mod rotation;
@@ -39,6 +40,8 @@ mod _core {
         PySingularPoint, py_algorithmic_singularities, py_classify, py_cofactor_condition,
         py_constrained_optima, py_follow_optimum, py_rank_starts, py_singularity_distance,
     };
+    #[pymodule_export]
+    use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
     use planning::{PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

@@ -1,10 +1,14 @@
 //! Whole paths: which configuration and which tool orientation, point by point and all at once.
 
 mod lines;
+mod orientation_plan;
 mod orientation_rule;
 mod speed;
 mod swivel_plan;
 
+pub use orientation_plan::{
+    OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation,
+};
 pub use orientation_rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
