@@ -740,6 +740,259 @@ class Posture(Criterion):
 
     def __new__(cls, chain: Chain, q_ref: ArrayLike, weights: ArrayLike | None = None) -> Self: ...
 
+# velocity
+
+_Damping: TypeAlias = Damping | Literal["auto"] | None
+_Task: TypeAlias = Task | str
+
+@final
+class Damping:
+    """Damped least squares with a factor of its own for each singular value (Bettini et al. 2000, section 4.3).
+
+    `1/sigma` becomes `sigma / (sigma^2 + lambda^2)`, lambda rising smoothly from 0 at `threshold` to `maximum` at
+    `rho * threshold`. The paper's constants are `Damping(0.1, 0.2, 0.25)`; `"auto"` is `Damping(0.02, 0.04, 0.25)`:
+    every task is exact where the least singular value (units of metres and radians) is 0.04 or more.
+
+    Args:
+        maximum: Largest damping factor, > 0.
+        threshold: Singular values from here on are not damped, > 0.
+        rho: Share of the threshold below which the damping is full, in [0, 1).
+    """
+
+    def __new__(cls, maximum: float, threshold: float, rho: float) -> Self: ...
+    @property
+    def maximum(self) -> float:
+        """Largest damping factor."""
+    @property
+    def threshold(self) -> float:
+        """Singular values from here on are not damped."""
+    @property
+    def rho(self) -> float:
+        """Share of the threshold below which the damping is full."""
+    def square(self, sigma: float) -> float:
+        """Squared damping factor of the singular value `sigma`."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+
+@final
+class Step:
+    """What one step of a velocity scheme did."""
+
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """Joint velocity `(n,)`, rad/s or m/s."""
+    @property
+    def status(self) -> Status:
+        """`converged`; `singular` where damping or a lost rank, `limits` where limits kept the task from being met."""
+    @property
+    def scale(self) -> float:
+        """Share of the task velocity that is realised, 1 or less."""
+    @property
+    def damping(self) -> float:
+        """Largest damping factor that acted, 0 for none."""
+    @property
+    def residual(self) -> float:
+        """`|J qd - scale v|`, 0 up to rounding unless the status says otherwise."""
+    @property
+    def basis_changed(self) -> bool:
+        """Whether a change of the reduced gradient's basis began."""
+    @property
+    def algorithmic(self) -> bool:
+        """Whether the condition of the extended Jacobian, not the Jacobian itself, lost rank."""
+    @property
+    def active_limits(
+        self,
+    ) -> list[tuple[str, Literal["position", "velocity", "acceleration"], Literal["lower", "upper"]]]:
+        """Limits that held a joint back: its name, which limit, which side."""
+    @property
+    def sigma_min(self) -> float:
+        """Least singular value of the task Jacobian, exact; computed when asked for."""
+
+@disjoint_base
+class Resolver:
+    """A scheme that turns a task velocity into a joint velocity, one step in and one step out.
+
+    Nothing is allocated in the core's step. A resolver may be shared by threads; the reduced gradient keeps its basis
+    from step to step.
+    """
+
+    def step(
+        self, q: ArrayLike, task_velocity: ArrayLike, dt: float | None = None, qd: ArrayLike | None = None
+    ) -> Step:
+        """One step.
+
+        Args:
+            q: Joint positions `(n,)`, rad or m.
+            task_velocity: As many numbers as the task has coordinates, m/s and rad/s; six for `pointing`, whose
+                spin about the tool axis does not count.
+            dt: Length of the step, s; needed for limits and for the optimal gain.
+            qd: Joint velocity before the step `(n,)`; without it acceleration is not limited.
+
+        Raises:
+            RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing.
+        """
+    @property
+    def chain(self) -> Chain:
+        """The chain that it was made for."""
+    @property
+    def task(self) -> Task:
+        """Which coordinates count."""
+    @property
+    def basis(self) -> list[int]:
+        """Dependent joints of the last step, from 0; empty for schemes that have none."""
+
+@final
+class ProjectedGradient(Resolver):
+    """Projected gradient (Bettini, De Luca, Oriolo 2000, eq. 2): `qd = J^+ v + (I - J^+ J) eta`.
+
+    `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near singularities
+    J^+ is damped; the projector is exact all the same, so the freedom never moves the tool.
+
+    Args:
+        chain: The arm.
+        criterion: What the freedom is used for; None for the least joint velocity.
+        gain: Joint velocity per unit of the gradient, >= 0, or `"optimal"`: the step that makes the criterion best
+            after `dt` within position and velocity limits (section 4.4).
+        task: Which coordinates count; `pose` by default.
+        damping: `"auto"`, a `Damping`, or None for off.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("iiwa14")
+        >>> scheme = rd.ProjectedGradient(arm, rd.JointRange(arm), 10.0)
+        >>> q = [0.3, 0.6, -0.2, 1.2, 0.1, -0.5, 0.4]
+        >>> bool(abs(arm.jacobian(q) @ scheme.step(q, [0.0] * 6).qd).max() < 1e-12)
+        True
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        criterion: Criterion | None,
+        gain: float | Literal["optimal"],
+        task: _Task | None = None,
+        damping: _Damping = "auto",
+    ) -> Self: ...
+
+@final
+class ReducedGradient(Resolver):
+    """Reduced gradient (Bettini, De Luca, Oriolo 2000, eq. 4).
+
+    The dependent joints follow the task, the others the reduced gradient; at equal gain this converges faster than
+    the projected gradient. Without `basis` the dependent joints are chosen and changed before their Jacobian becomes
+    singular, with hysteresis, blended over three steps, and reported.
+
+    Args:
+        chain: The arm.
+        criterion: As for `ProjectedGradient`.
+        gain: As for `ProjectedGradient`.
+        task: Which coordinates count; `pose` by default.
+        damping: As for `ProjectedGradient`; acts only where no basis is good.
+        basis: Dependent joints, from 0, as many as the task has coordinates; they are then kept. The paper's DEXTER
+            with "columns 2 and 7 deleted" is `(0, 2, 3, 4, 5, 7)`.
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        criterion: Criterion | None,
+        gain: float | Literal["optimal"],
+        task: _Task | None = None,
+        damping: _Damping = "auto",
+        basis: Sequence[int] | None = None,
+    ) -> Self: ...
+
+@final
+class ExtendedJacobian(Resolver):
+    """Extended Jacobian (Park, Chung, Youm 1996, eq. 5): the freedom keeps the criterion stationary.
+
+    Started at a stationary point it stays on that branch, so closed paths are cyclic. The task comes first: where the
+    condition loses rank (an algorithmic singularity) only the motion of the freedom is damped, and reported.
+
+    Args:
+        chain: The arm.
+        criterion: A criterion with a Hessian.
+        task: Which coordinates count; `pose` by default.
+        gain: Rate, 1/s, at which the arm is drawn to the stationary point.
+        damping: As for `ProjectedGradient`.
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        criterion: Criterion,
+        task: _Task | None = None,
+        *,
+        gain: float = 10.0,
+        damping: _Damping = "auto",
+    ) -> Self: ...
+
+@final
+class SaturatedNullspace(Resolver):
+    """Hard limits: the largest scale of the task that the limits allow, then the joint velocity nearest to the wish.
+
+    Saturation in the null space in its optimal form (Flacco, De Luca, Khatib 2015). Position limits (with the distance
+    that braking takes), velocity limits and, when `step` gets `qd`, acceleration limits of the chain hold at every step
+    of length `dt`; where they exclude each other position comes before velocity before acceleration. A joint outside
+    its limits is brought back. Where no scale is possible, because joints have to brake, the scale is 0 and the task is
+    approached as nearly as the bounds allow.
+
+    Args:
+        chain: The arm with its limits.
+        criterion: What the freedom is used for; None for the least joint velocity.
+        gain: Joint velocity per unit of the gradient, >= 0.
+        task: Which coordinates count; `pose` by default.
+        damping: As for `ProjectedGradient`; off by default, near singularities the task is scaled instead.
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        criterion: Criterion | None = None,
+        gain: float = 1.0,
+        task: _Task | None = None,
+        damping: _Damping = None,
+    ) -> Self: ...
+
+@final
+class Track(Trajectory):
+    """A trajectory that followed a path in closed loop, one row every `dt`."""
+
+    @property
+    def position_error(self) -> float:
+        """Largest distance from the path, m, of the coordinates that count."""
+    @property
+    def orientation_error(self) -> float:
+        """Largest angle from the path, rad."""
+    @property
+    def status(self) -> Status:
+        """`converged`; a run that is stopped raises."""
+
+def track(
+    chain: Chain, resolver: Resolver, path: Path, q0: ArrayLike, dt: float, feedback: float = 5.0
+) -> Track:
+    """Follows a path in closed loop: `v = v_path(t) + feedback * error`, `q += dt * qd`.
+
+    The resolver is copied, so a run does not disturb its state. A path without times is timed first: the least joint
+    motion along it may use half of the velocity limits.
+
+    Args:
+        chain: The arm, the one that the resolver was made for.
+        resolver: The scheme.
+        path: Poses, or positions for the tasks `position` and `planar`.
+        q0: Joint positions at the start `(n,)`.
+        dt: Length of a step, s.
+        feedback: Gain of the task error, 1/s; below `2 / dt`.
+
+    Returns:
+        A trajectory with the events `basis_change`, `damping`, `limit` (which joint, which limit), `scaled`,
+        `kinematic_singularity`, `algorithmic_singularity`, `joint_limit` (a joint beyond its limits).
+
+    Raises:
+        RedundancyError: Wrong sizes, invalid settings, another chain, a path without orientations for a task that
+            needs them.
+    """
+
 @final
 class Clearance(Criterion):
     """Distance from obstacles, to maximise.

@@ -21,3 +21,4 @@ mod self_motion;
 mod spray;
 mod support;
 mod task;
+mod velocity;

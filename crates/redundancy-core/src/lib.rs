@@ -14,7 +14,7 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path, scene -> criterion -> self_motion -> planning`.
+//! `rotation -> chain -> kinematics -> path, scene -> criterion -> self_motion -> { ik | velocity | optimum } -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 
 pub mod chain;
@@ -28,6 +28,7 @@ pub mod rotation;
 pub mod scene;
 pub mod self_motion;
 pub mod tolerance;
+pub mod velocity;
 
 mod error;
 mod pose;

@@ -263,6 +263,47 @@ pub const LIMITS_MEET: f64 = 1e-6;
 /// the rates are wrong, but finite.
 pub const RPY_COSINE: f64 = 1e-6;
 
+/// Lower bound of the least singular value of a task Jacobian (m and rad) above which its Gram matrix, whose condition is
+/// the square, still leaves ten digits.
+pub const WELL_CONDITIONED: f64 = 1e-2;
+
+/// Squared lower bound of the least singular value, as a share of the sum of all squares, below which a joint velocity is
+/// corrected once more: then `J qd = v` holds to a few roundings.
+pub const REFINED_SHARE: f64 = 0.02;
+
+/// Share of the largest singular value below which another one is zero: what rounding makes of a lost rank.
+pub const SINGULAR_RANK: f64 = 1e-13;
+
+/// Norm of a step (rad) along the gradient below which the freedom has nowhere to go: the optimal factor would be a
+/// quotient of roundings.
+pub const STEP_DIRECTION: f64 = 1e-12;
+
+/// Multiple of the damping threshold below which the reduced gradient looks for another basis: well above, so that the
+/// change is over before damping would begin.
+pub const BASIS_LEVEL: f64 = 4.0;
+
+/// Multiple of the damping threshold below which all bases are looked at in one step.
+pub const BASIS_URGENT: f64 = 2.0;
+
+/// How much better another basis has to be, hysteresis against changing to and fro.
+pub const BASIS_GAIN: f64 = 2.0;
+
+/// The same where all bases are looked at and damping is near.
+pub const BASIS_GAIN_URGENT: f64 = 1.25;
+
+/// Violation of a velocity bound (rad/s, relative to 1 + the velocity) that is rounding. The result is clamped.
+pub const BOX_VIOLATION: f64 = 1e-12;
+
+/// Squared share of a row that is left beside the active ones below which it depends on them: rounding leaves 1e-32.
+pub const BOX_INDEPENDENT: f64 = 1e-22;
+
+/// Velocity, relative to 1 + that of the task, by which the task may be missed where the arm has lost a direction that it
+/// does not need.
+pub const UNREACHABLE_VELOCITY: f64 = 1e-9;
+
+/// Weight of the joint velocity beside the task, squared, where no scale is allowed and the task is only approached.
+pub const YIELD_WEIGHT: f64 = 1e-6;
+
 /// Ratio of the smallest to the largest singular value of a task Jacobian below which a configuration is a kinematic
 /// singularity: null-space directions have then lost six of their sixteen digits, joint speeds are a million times the
 /// tool's.
@@ -324,6 +365,13 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Share of the size of its terms below which the second derivative along the freedom counts as nearly singular: from
+/// there on the extended Jacobian damps the motion of the freedom.
+pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
+
+/// Its largest damping factor, as a share of the same size.
+pub const ALGORITHMIC_DAMPING: f64 = 1e-3;
 
 /// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
 /// its square.

@@ -19,6 +19,7 @@ mod self_motion;
 mod speed;
 mod status;
 mod task;
+mod velocity;
 
 #[pymodule]
 mod _core {
@@ -59,6 +60,11 @@ mod _core {
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
     use task::PyTask;
+    #[pymodule_export]
+    use velocity::{
+        PyDamping, PyExtendedJacobian, PyProjectedGradient, PyReducedGradient, PyResolver,
+        PySaturatedNullspace, PyStep, PyTrack, py_track,
+    };
 
     #[pymodule_export]
     use path::{PyEvent, PyPath, PyTrajectory, paths_circle, paths_raster, py_times_within_limits};

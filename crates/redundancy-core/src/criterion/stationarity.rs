@@ -16,6 +16,8 @@
 //! Angular rows of J are no gradients: `(Hess f_k)_jl` means `d J_kj / d q_l` there. What is not symmetric in it is
 //! `lambda . (omega_l x omega_j)`, which vanishes in W, because motions in ker J turn the tool about at most one axis.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, Vector3, Vector6};
 
 use super::{Criterion, check_dof};
@@ -24,11 +26,37 @@ use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Scratch, Task, TaskKind};
 use crate::pose::Pose;
 
+/// A criterion that is borrowed or shared.
+#[derive(Debug, Clone)]
+enum Handle<'a> {
+    Borrowed(&'a dyn Criterion),
+    Shared(Arc<dyn Criterion>),
+}
+
+impl Handle<'_> {
+    fn get(&self) -> &dyn Criterion {
+        match self {
+            Self::Borrowed(criterion) => *criterion,
+            Self::Shared(criterion) => &**criterion,
+        }
+    }
+}
+
+impl Stationarity<'static> {
+    /// As [`new`](Stationarity::new), for owners that outlive the criterion's borrow: the schemes of the room `velocity`.
+    ///
+    /// # Errors
+    /// As [`new`](Stationarity::new).
+    pub fn shared(chain: &Chain, criterion: Arc<dyn Criterion>, task: Task) -> Result<Self> {
+        Self::with(chain, Handle::Shared(criterion), task)
+    }
+}
+
 /// Memory for one chain, criterion and task; nothing is allocated from call to call.
 #[derive(Debug, Clone)]
 pub struct Stationarity<'a> {
-    chain: &'a Chain,
-    criterion: &'a dyn Criterion,
+    chain: Chain,
+    criterion: Handle<'a>,
     task: Task,
     own_kinematics: bool,
     scratch: Scratch,
@@ -49,16 +77,20 @@ impl<'a> Stationarity<'a> {
     /// # Errors
     /// A criterion for another number of joints; a task with as many coordinates as the chain has joints, or more: no
     /// freedom is left.
-    pub fn new(chain: &'a Chain, criterion: &'a dyn Criterion, task: Task) -> Result<Self> {
+    pub fn new(chain: &Chain, criterion: &'a dyn Criterion, task: Task) -> Result<Self> {
+        Self::with(chain, Handle::Borrowed(criterion), task)
+    }
+
+    fn with(chain: &Chain, criterion: Handle<'a>, task: Task) -> Result<Self> {
         let (n, m) = (chain.dof(), task.dim());
-        check_dof(criterion, n)?;
+        check_dof(criterion.get(), n)?;
         check_redundant(chain, &task)?;
         let r = n - m;
         Ok(Self {
-            chain,
+            chain: chain.clone(),
+            own_kinematics: criterion.get().chain() == Some(chain),
             criterion,
             task,
-            own_kinematics: criterion.chain() == Some(chain),
             scratch: Scratch::new(chain),
             jacobian: vec![0.0; m * n],
             null: NullSpace::new(m, n),
@@ -77,9 +109,9 @@ impl<'a> Stationarity<'a> {
         let kinematics = self.chain.kinematics_unchecked(q, &mut self.scratch);
         self.task.write_jacobian(&kinematics, &mut self.jacobian);
         if self.own_kinematics {
-            self.criterion.gradient_at(q, &kinematics, &mut self.gradient);
+            self.criterion.get().gradient_at(q, &kinematics, &mut self.gradient);
         } else {
-            self.criterion.gradient(q, &mut self.gradient);
+            self.criterion.get().gradient(q, &mut self.gradient);
         }
         self.null.factor(&self.jacobian);
         self.null.multipliers(&self.gradient, &mut self.multipliers);
@@ -91,7 +123,7 @@ impl<'a> Stationarity<'a> {
     /// Computes all of [`first_order`](Self::first_order), and L and W.
     pub fn second_order(&mut self, q: &[f64]) {
         self.first_order(q);
-        self.criterion.hessian(q, &mut self.lagrangian);
+        self.criterion.get().hessian(q, &mut self.lagrangian);
         let of_criterion = self.lagrangian.norm();
         let kinematics = self.chain.kinematics_unchecked(q, &mut self.scratch);
         // lambda . M = (force, moment) with M the map from velocities of the tool to those of the task.
@@ -129,14 +161,14 @@ impl<'a> Stationarity<'a> {
         }
     }
 
-    /// The chain.
-    pub fn chain(&self) -> &'a Chain {
-        self.chain
+    /// The chain, cheaply cloned: what is read from it does not hold on to this memory.
+    pub fn chain(&self) -> Chain {
+        self.chain.clone()
     }
 
     /// The criterion.
-    pub fn criterion(&self) -> &'a dyn Criterion {
-        self.criterion
+    pub fn criterion(&self) -> &dyn Criterion {
+        self.criterion.get()
     }
 
     /// The task.

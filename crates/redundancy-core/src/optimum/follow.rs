@@ -431,7 +431,6 @@ impl<'a> Follower<'a> {
     }
 
     fn run(&mut self, start: Point) -> FollowedOptimum {
-        let criterion = self.classifier.stationarity().criterion();
         let kind = {
             let kind = self.classifier.kind_at(&start.q);
             if kind == Kind::NotCritical { Kind::Degenerate } else { kind }
@@ -444,13 +443,13 @@ impl<'a> Follower<'a> {
             eigenvalues: Vec::new(),
             stop: None,
         };
-        let add = |point: &Point, out: &mut FollowedOptimum| {
+        let add = |follower: &Self, point: &Point, out: &mut FollowedOptimum| {
             out.q.extend(&point.q);
-            out.values.push(criterion.value(&point.q));
+            out.values.push(follower.classifier.stationarity().criterion().value(&point.q));
             out.sigma_min.push(point.sigma[0]);
             out.eigenvalues.extend(&point.eigenvalues);
         };
-        add(&start, &mut out);
+        add(self, &start, &mut out);
         match kind {
             Kind::KinematicSingularity => {
                 out.stop = Some(Self::singular(&start));
@@ -489,7 +488,7 @@ impl<'a> Follower<'a> {
                     }
                 }
             }
-            add(&here, &mut out);
+            add(self, &here, &mut out);
         }
         out
     }

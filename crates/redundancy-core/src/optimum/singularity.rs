@@ -126,7 +126,7 @@ fn first_joint_is_free(classifier: &mut Classifier<'_>, seed: u64) -> bool {
     const SHIFT: f64 = 0.7;
     const SAME: f64 = 1e-9;
     let chain = classifier.stationarity().chain();
-    random_configurations(chain, seed, SAMPLES).all(|mut q| {
+    random_configurations(&chain, seed, SAMPLES).all(|mut q| {
         classifier.kind_at(&q);
         let scale = classifier.stationarity().scale();
         let before = [classifier.eigenvalues().to_vec(), vec![classifier.residual()]].concat();
@@ -229,7 +229,7 @@ impl<'a> Search<'a> {
 
     fn check(&mut self, mut q: Vec<f64>) -> Option<SingularPoint> {
         let chain = self.classifier.stationarity().chain();
-        wind(chain, &mut q);
+        wind(&chain, &mut q);
         if self.first == 1 {
             q[0] = 0.0;
         }

@@ -31,6 +31,7 @@ mod path;
 mod shapes;
 mod spline;
 mod table;
+mod timed;
 mod timing;
 mod trajectory;
 
@@ -38,5 +39,6 @@ pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
+pub use timed::{Reference, TimedPath};
 pub use timing::{TimingSettings, times_within_limits};
 pub use trajectory::{Event, EventKind, Trajectory};

@@ -5,6 +5,7 @@ mod orientation_plan;
 mod orientation_rule;
 mod speed;
 mod swivel_plan;
+mod tracker;
 
 pub use orientation_plan::{
     OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation,
@@ -14,3 +15,4 @@ pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
 pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+pub use tracker::{Track, TrackSettings, track};

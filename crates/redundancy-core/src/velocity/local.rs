@@ -1,0 +1,114 @@
+//! What every scheme computes first: the task's Jacobian and velocity and the wish of the criterion, at one q.
+
+use std::sync::Arc;
+
+use nalgebra::Vector6;
+
+use super::StepInput;
+use crate::chain::Chain;
+use crate::criterion::{self, Criterion};
+use crate::error::{Error, Result, check_vector};
+use crate::kinematics::{Scratch, Task};
+
+/// An arm, a task, a criterion, and the memory for one step.
+#[derive(Debug, Clone)]
+pub(super) struct Local {
+    pub chain: Chain,
+    pub task: Task,
+    pub criterion: Option<Arc<dyn Criterion>>,
+    /// The criterion is one of the kinematics of this very chain.
+    shared: bool,
+    scratch: Scratch,
+    /// `(m, n)`, column by column.
+    pub jacobian: Vec<f64>,
+    /// Gradient of the criterion times the sign that makes it better; zero without a criterion.
+    pub ascent: Vec<f64>,
+    /// Velocity of the task in its coordinates.
+    pub velocity: Vector6<f64>,
+}
+
+impl Local {
+    pub fn new(chain: &Chain, criterion: Option<Arc<dyn Criterion>>, task: Task) -> Result<Self> {
+        let (m, n) = (task.dim(), chain.dof());
+        if m > n {
+            let message =
+                format!("task '{task}' has {m} coordinates, '{}' has only {n} joints", chain.name());
+            return Err(Error::Invalid(message));
+        }
+        if let Some(h) = &criterion {
+            criterion::check_dof(&**h, n)?;
+        }
+        let shared = criterion.as_ref().is_some_and(|h| h.chain() == Some(chain));
+        Ok(Self {
+            chain: chain.clone(),
+            task,
+            criterion,
+            shared,
+            scratch: Scratch::new(chain),
+            jacobian: vec![0.0; m * n],
+            ascent: vec![0.0; n],
+            velocity: Vector6::zeros(),
+        })
+    }
+
+    /// Checks the input and computes everything at its q.
+    #[inline]
+    pub fn update(&mut self, input: &StepInput<'_>, out: &[f64]) -> Result<()> {
+        let n = self.chain.dof();
+        self.chain.check_q(input.q)?;
+        crate::error::check_length("joint velocity", out, n)?;
+        if let Some(qd) = input.qd {
+            check_vector("qd", qd, n)?;
+        }
+        if let Some(dt) = input.dt
+            && !(dt.is_finite() && dt > 0.0)
+        {
+            return Err(Error::OutOfRange { what: "dt".into(), value: dt, bound: "finite and > 0".into() });
+        }
+        let kinematics = self.chain.kinematics_unchecked(input.q, &mut self.scratch);
+        self.velocity = self.task.velocity(kinematics.pose(), input.velocity)?;
+        self.task.write_jacobian(&kinematics, &mut self.jacobian);
+        if let Some(h) = &self.criterion {
+            if self.shared {
+                h.gradient_at(input.q, &kinematics, &mut self.ascent);
+            } else {
+                h.gradient(input.q, &mut self.ascent);
+            }
+            let sign = -h.sense().sign();
+            self.ascent.iter_mut().for_each(|x| *x *= sign);
+        }
+        Ok(())
+    }
+
+    /// The columns of the Jacobian.
+    #[inline(always)]
+    pub fn columns<const M: usize>(&self) -> &[[f64; M]] {
+        self.jacobian.as_chunks::<M>().0
+    }
+
+    /// The first M numbers of the velocity.
+    #[inline(always)]
+    pub fn velocity<const M: usize>(&self) -> [f64; M] {
+        let mut out = [0.0; M];
+        out.copy_from_slice(&self.velocity.as_slice()[..M]);
+        out
+    }
+}
+
+/// The length of a step, where a scheme needs it.
+pub(super) fn required_dt(input: &StepInput<'_>, why: &str) -> Result<f64> {
+    input.dt.ok_or_else(|| Error::Invalid(format!("dt is missing: {why} needs the length of the step")))
+}
+
+/// Calls a method that is generic over the number of task coordinates.
+macro_rules! by_dimension {
+    ($self:ident . $method:ident ( $($argument:expr),* ) for $dim:expr) => {
+        match $dim {
+            2 => $self.$method::<2>($($argument),*),
+            3 => $self.$method::<3>($($argument),*),
+            5 => $self.$method::<5>($($argument),*),
+            _ => $self.$method::<6>($($argument),*),
+        }
+    };
+}
+pub(super) use by_dimension;

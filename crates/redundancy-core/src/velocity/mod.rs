@@ -1,0 +1,151 @@
+//! From task velocity to joint velocity: one step in, one step out, nothing allocated.
+//!
+//! | scheme | joint velocity | limits |
+//! |---|---|---|
+//! | [`ProjectedGradient`] | `J^+ v + (I - J^+ J) eta` [Bettini2000, eq. (2)] | none |
+//! | [`ReducedGradient`] | dependent joints follow, the others take the reduced gradient [Bettini2000, eq. (4)] | none |
+//! | [`ExtendedJacobian`] | stays on a stationary point of the criterion [Park1996] | none |
+//! | [`SaturatedNullspace`] | the largest scale of v that the limits allow, then the nearest to eta [Flacco2015] | position, velocity, acceleration |
+//!
+//! `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near a singularity
+//! small singular values are damped ([`Damping`]); the motion that uses the freedom is projected exactly all the same,
+//! so that it never moves the tool. Every step reports what it did: damping, change of basis, scale, active limits.
+
+mod box_projection;
+mod damping;
+mod extended_jacobian;
+mod linear;
+mod local;
+mod projected_gradient;
+mod pseudo_inverse;
+mod reduced_gradient;
+mod saturation;
+mod step_size;
+
+pub use damping::Damping;
+pub use extended_jacobian::ExtendedJacobian;
+pub use projected_gradient::ProjectedGradient;
+pub use reduced_gradient::ReducedGradient;
+pub use saturation::SaturatedNullspace;
+pub use step_size::Gain;
+
+use crate::chain::Chain;
+use crate::error::Result;
+use crate::kinematics::Task;
+use crate::status::Status;
+
+/// What one step starts from.
+#[derive(Debug, Clone, Copy)]
+pub struct StepInput<'a> {
+    /// Joint positions (n), rad or m.
+    pub q: &'a [f64],
+    /// Velocity of the task, see [`Task::velocity`].
+    pub velocity: &'a [f64],
+    /// Length of the step, s; needed for limits and for the optimal gain.
+    pub dt: Option<f64>,
+    /// Joint velocity before the step (n); without it acceleration is not limited.
+    pub qd: Option<&'a [f64]>,
+}
+
+/// What one step did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepReport {
+    /// `converged`; `singular` where damping or a lost rank kept the task from being met; `limits` where limits did.
+    pub status: Status,
+    /// Share of the task velocity that is realised, 1 or less.
+    pub scale: f64,
+    /// The largest damping factor lambda that acted, 0 for none.
+    pub damping: f64,
+    /// True where a change of basis began.
+    pub basis_changed: bool,
+    /// True where the scheme's own condition, not the Jacobian, lost rank.
+    pub algorithmic: bool,
+    /// `|J qd - scale v|`: 0 up to rounding unless the status says otherwise; task units per s.
+    pub residual: f64,
+}
+
+/// Which limit of a joint holds it back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LimitKind {
+    /// Its position, with the distance that braking takes.
+    Position,
+    /// Its speed.
+    Velocity,
+    /// Its acceleration.
+    Acceleration,
+}
+
+impl LimitKind {
+    /// The kind as a word.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Position => "position",
+            Self::Velocity => "velocity",
+            Self::Acceleration => "acceleration",
+        }
+    }
+}
+
+/// A limit that acts on a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ActiveLimit {
+    /// Index of the joint, from 0.
+    pub joint: usize,
+    /// Which limit.
+    pub kind: LimitKind,
+    /// True for the upper, false for the lower one.
+    pub upper: bool,
+}
+
+/// A scheme that turns a task velocity into a joint velocity.
+pub trait Resolver: Send + Sync + std::fmt::Debug {
+    /// The scheme as a word.
+    fn name(&self) -> &'static str;
+
+    /// The arm.
+    fn chain(&self) -> &Chain;
+
+    /// Which coordinates count.
+    fn task(&self) -> &Task;
+
+    /// One step: writes the joint velocity (n).
+    ///
+    /// # Errors
+    /// Wrong lengths, numbers that are not finite, a step that is not positive or is missing where it is needed.
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport>;
+
+    /// The limits that acted on the last step.
+    fn active_limits(&self) -> &[ActiveLimit] {
+        &[]
+    }
+
+    /// The dependent joints of the last step, ascending; empty for schemes that have none.
+    fn basis(&self) -> &[usize] {
+        &[]
+    }
+
+    /// A copy with its state, so that a run does not disturb another.
+    fn boxed(&self) -> Box<dyn Resolver>;
+}
+
+/// Least singular value of the task Jacobian at `q`, exact.
+///
+/// # Errors
+/// Wrong length of `q`, or an entry that is not finite.
+///
+/// ```
+/// use redundancy_core::{chain::catalog, kinematics::Task, velocity::sigma_min};
+/// let arm = catalog::load("planar3r")?;
+/// assert!(sigma_min(&arm, &Task::PLANAR, &[0.0; 3])? < 1e-15); // stretched
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+pub fn sigma_min(chain: &Chain, task: &Task, q: &[f64]) -> Result<f64> {
+    let mut scratch = crate::kinematics::Scratch::new(chain);
+    let kinematics = chain.kinematics(q, &mut scratch)?;
+    let mut jacobian = vec![0.0; task.dim() * chain.dof()];
+    task.write_jacobian(&kinematics, &mut jacobian);
+    let mut svd = linear::Svd::new(task.dim(), chain.dof());
+    svd.decompose(&jacobian, task.dim());
+    // More coordinates than joints: the task cannot be met in every direction.
+    Ok(if task.dim() > chain.dof() { 0.0 } else { svd.smallest() })
+}

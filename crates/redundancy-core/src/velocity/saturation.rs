@@ -1,0 +1,347 @@
+//! Hard limits: the task is scaled only when it must be, and the freedom serves the limits before the criterion.
+//!
+//! The optimal form of saturation in the null space [Flacco2015, section V]: find the largest `s` in [0, 1] for which some
+//! joint velocity has `J qd = s v` within its bounds, and among those the one nearest to the wish `eta`. The iterative
+//! schemes of [Flacco2012] reach it often, but not always; here both problems are solved exactly, see the module
+//! `box_projection`.
+//!
+//! # Bounds
+//! Over a step of length dt every joint keeps
+//!
+//! ```text
+//! upper = min(v_max, qd + a dt, brake(q_max - q))            lower mirrored
+//! brake(d) = a dt (k/2 + D/(k+1)),  D = d / (a dt^2),  k = floor((sqrt(1 + 8 D) - 1) / 2)
+//! ```
+//!
+//! `brake` is the largest speed from which steps of deceleration a stop within d: after `k + 1` steps with
+//! `v, v - a dt, ...` the joint has gone d. Without an acceleration limit it is `d / dt`. Where the bounds exclude each other,
+//! position comes before velocity before acceleration. A joint outside its limits is brought back, at once or as fast as
+//! its velocity limit allows.
+
+use std::sync::Arc;
+
+use super::box_projection::{BoxProjection, Rows};
+use super::damping::Damping;
+use super::linear::{complement, dot, times};
+use super::local::{Local, by_dimension, required_dt};
+use super::projected_gradient::distance;
+use super::pseudo_inverse::{Factor, PseudoInverse};
+use super::step_size::Gain;
+use super::{ActiveLimit, LimitKind, Resolver, StepInput, StepReport};
+use crate::chain::{Chain, Limits};
+use crate::criterion::Criterion;
+use crate::error::{Error, Result};
+use crate::kinematics::Task;
+use crate::status::Status;
+use crate::tolerance::{BOX_VIOLATION, LIMIT_SLACK, UNREACHABLE_VELOCITY, YIELD_WEIGHT};
+
+/// Rounds over the joints in which a task that no scale allows is approached.
+const YIELD_ROUNDS: usize = 100;
+
+/// Saturation in the null space: hard position, velocity and acceleration limits [Flacco2015].
+///
+/// ```
+/// use redundancy_core::{chain::catalog, kinematics::Task};
+/// use redundancy_core::velocity::{Gain, Resolver, SaturatedNullspace, StepInput};
+/// let arm = catalog::load("iiwa14")?;
+/// let mut scheme = SaturatedNullspace::new(&arm, None, Gain::Constant(1.0), Task::POSE, None)?;
+/// let q = [0.3, 0.6, -0.2, 1.2, 0.1, -0.5, 0.4];
+/// let mut qd = [0.0; 7];
+/// let fast = [5.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+/// let report = scheme.step(&StepInput { q: &q, velocity: &fast, dt: Some(0.01), qd: None }, &mut qd)?;
+/// assert!(report.scale < 1.0 && !scheme.active_limits().is_empty());
+/// let v = arm.tool_velocity(&q, &qd)?;
+/// assert!((v[0] - 5.0 * report.scale).abs() < 1e-12 && v[1].abs() < 1e-12); // slower, but not aside
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct SaturatedNullspace {
+    local: Local,
+    gain: f64,
+    inverse: PseudoInverse,
+    bounds: Bounds,
+    projection: BoxProjection,
+    active: Vec<ActiveLimit>,
+    eta: Vec<f64>,
+    /// `J^+ v`.
+    particular: Vec<f64>,
+    /// Rows that span what moves the tool, then scratch.
+    rows: Vec<f64>,
+    /// Null space, a row of n for each degree of redundancy; then the same by joint.
+    basis: Vec<f64>,
+    by_joint: Vec<f64>,
+    wish: Vec<f64>,
+}
+
+/// Bounds of the joint velocities of one step.
+#[derive(Debug, Clone)]
+struct Bounds {
+    low: Vec<f64>,
+    high: Vec<f64>,
+    kinds: Vec<[LimitKind; 2]>,
+    /// A joint is outside its position limits.
+    outside: Vec<ActiveLimit>,
+}
+
+impl SaturatedNullspace {
+    /// Without damping the task is scaled by what its exact inverse asks for, also near singularities.
+    ///
+    /// # Errors
+    /// As of [`ProjectedGradient::new`](super::ProjectedGradient::new), and the optimal gain, which has limits of its own.
+    pub fn new(
+        chain: &Chain,
+        criterion: Option<Arc<dyn Criterion>>,
+        gain: Gain,
+        task: Task,
+        damping: Option<Damping>,
+    ) -> Result<Self> {
+        if let Some(damping) = &damping {
+            damping.validate()?;
+        }
+        let n = chain.dof();
+        let Gain::Constant(gain) = gain.validate()? else {
+            return Err(Error::Invalid("the saturated scheme takes a constant gain".into()));
+        };
+        Ok(Self {
+            local: Local::new(chain, criterion, task)?,
+            gain,
+            inverse: PseudoInverse::new(damping, task.dim(), n),
+            bounds: Bounds {
+                low: vec![0.0; n],
+                high: vec![0.0; n],
+                kinds: vec![[LimitKind::Position; 2]; n],
+                outside: Vec::with_capacity(n),
+            },
+            projection: BoxProjection::new(n),
+            active: Vec::with_capacity(2 * n),
+            eta: vec![0.0; n],
+            particular: vec![0.0; n],
+            rows: vec![0.0; n * n],
+            basis: vec![0.0; n * n],
+            by_joint: vec![0.0; n * n],
+            wish: Vec::with_capacity(n),
+        })
+    }
+
+    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+        let dt = required_dt(input, "the saturated scheme")?;
+        let n = self.local.chain.dof();
+        self.bounds.update(&self.local.chain, input.q, input.qd, dt);
+        self.active.clear();
+        self.active.extend_from_slice(&self.bounds.outside);
+        let columns = self.local.columns::<M>();
+        let v = self.local.velocity::<M>();
+        let factor = self.inverse.factor(columns);
+        let loss = self.inverse.loss(&factor);
+        self.eta.iter_mut().zip(&self.local.ascent).for_each(|(eta, ascent)| *eta = self.gain * ascent);
+
+        let mut report = StepReport {
+            status: if loss.any() { Status::Singular } else { Status::Converged },
+            scale: 1.0,
+            damping: loss.damping,
+            basis_changed: false,
+            algorithmic: false,
+            residual: 0.0,
+        };
+        self.inverse.solve(&factor, columns, &self.eta, &v, qd);
+        if loss.any() {
+            report.residual = distance(&times(columns, qd), &v);
+        }
+        // A direction that the arm has lost cannot be followed at any scale but 0; damping gives it up instead.
+        let lost = loss.rank_lost
+            && loss.damping == 0.0
+            && report.residual > UNREACHABLE_VELOCITY * (1.0 + dot(&v, &v).sqrt());
+        if !lost && self.bounds.contain(qd) {
+            if !self.active.is_empty() {
+                report.status = Status::Limits;
+            }
+            return Ok(report);
+        }
+
+        // The null space and the least joint velocity of the task.
+        let rank = match &factor {
+            Factor::Regular { .. } => {
+                for (j, column) in columns.iter().enumerate() {
+                    for i in 0..M {
+                        self.rows[i * n + j] = column[i];
+                    }
+                }
+                M
+            }
+            Factor::Values => self.inverse.row_space(&mut self.rows),
+        };
+        let r = n - rank;
+        complement(&mut self.rows[..rank * n], n, rank, &mut self.basis[..r * n]);
+        self.wish.clear();
+        for (k, row) in self.basis[..r * n].chunks_exact(n).enumerate() {
+            self.wish.push(dot(row, &self.eta));
+            for (j, x) in row.iter().enumerate() {
+                self.by_joint[j * r + k] = *x;
+            }
+        }
+        self.particular.fill(0.0);
+        if !lost {
+            let Self { inverse, particular, eta, .. } = self;
+            eta.fill(0.0);
+            inverse.solve(&factor, columns, eta, &v, particular);
+        }
+        let rows = Rows {
+            n: &self.by_joint[..n * r],
+            r,
+            low: &self.bounds.low,
+            high: &self.bounds.high,
+            p: &self.particular,
+        };
+        let solved = self.projection.solve(&rows, &self.wish);
+        report.scale = if lost { 0.0 } else { solved.unwrap_or(0.0) };
+        match solved {
+            Some(s) => {
+                for (i, qd) in qd.iter_mut().enumerate() {
+                    let free = dot(&self.by_joint[i * r..(i + 1) * r], &self.projection.z);
+                    *qd = (s * self.particular[i] + free).clamp(self.bounds.low[i], self.bounds.high[i]);
+                }
+                for (joint, upper) in self.projection.active() {
+                    let limit =
+                        ActiveLimit { joint, kind: self.bounds.kinds[joint][usize::from(upper)], upper };
+                    if !self.active.contains(&limit) {
+                        self.active.push(limit);
+                    }
+                }
+                if report.status == Status::Converged && (s < 1.0 || !self.bounds.outside.is_empty()) {
+                    report.status = Status::Limits;
+                }
+                if loss.any() {
+                    report.residual = distance(&times(columns, qd), &v.map(|v| report.scale * v));
+                }
+            }
+            None => {
+                self.bounds.approach(columns, &v, qd);
+                self.bounds.report(qd, &mut self.active);
+                report.status = Status::Limits;
+                report.residual = distance(&times(columns, qd), &v);
+            }
+        }
+        Ok(report)
+    }
+}
+
+impl Bounds {
+    /// The bounds at `q` for a step of `dt` after the joint velocity `qd`.
+    fn update(&mut self, chain: &Chain, q: &[f64], qd: Option<&[f64]>, dt: f64) {
+        self.outside.clear();
+        for (i, joint) in chain.joints().iter().enumerate() {
+            let limits = &joint.limits;
+            let (above, below) = (limits.upper - q[i], q[i] - limits.lower);
+            let position = (-braking(below, limits, dt), braking(above, limits, dt));
+            for (distance, upper) in [(above, true), (below, false)] {
+                if distance < -LIMIT_SLACK {
+                    self.outside.push(ActiveLimit { joint: i, kind: LimitKind::Position, upper });
+                }
+            }
+            let mut interval = position;
+            self.kinds[i] = [LimitKind::Position; 2];
+            let mut confine = |low: f64, high: f64, kind: LimitKind| {
+                // Where they exclude each other, the end of the more important one that is nearer.
+                let (a, b) = interval;
+                if low > a {
+                    interval.0 = low.min(b);
+                    self.kinds[i][0] = kind;
+                }
+                if high < b {
+                    interval.1 = high.max(a);
+                    self.kinds[i][1] = kind;
+                }
+            };
+            confine(-limits.velocity, limits.velocity, LimitKind::Velocity);
+            if let Some(qd) = qd {
+                let change = limits.acceleration * dt;
+                confine(qd[i] - change, qd[i] + change, LimitKind::Acceleration);
+            }
+            (self.low[i], self.high[i]) = interval;
+        }
+    }
+
+    fn contain(&self, qd: &[f64]) -> bool {
+        qd.iter().zip(&self.low).zip(&self.high).all(|((x, low), high)| x >= low && x <= high)
+    }
+
+    /// The joint velocity within the bounds that moves the tool most nearly by `v`, by descent over the joints.
+    fn approach<const M: usize>(&self, columns: &[[f64; M]], v: &[f64; M], qd: &mut [f64]) {
+        for (i, qd) in qd.iter_mut().enumerate() {
+            *qd = qd.clamp(self.low[i], self.high[i]);
+        }
+        let mut missing = times(columns, qd);
+        for i in 0..M {
+            missing[i] = v[i] - missing[i];
+        }
+        for _ in 0..YIELD_ROUNDS {
+            for (j, column) in columns.iter().enumerate() {
+                let slope = dot(column, &missing) - YIELD_WEIGHT * qd[j];
+                let next =
+                    (qd[j] + slope / (dot(column, column) + YIELD_WEIGHT)).clamp(self.low[j], self.high[j]);
+                let change = next - qd[j];
+                qd[j] = next;
+                for i in 0..M {
+                    missing[i] -= change * column[i];
+                }
+            }
+        }
+    }
+
+    /// Adds the bounds that `qd` is at.
+    fn report(&self, qd: &[f64], active: &mut Vec<ActiveLimit>) {
+        for (joint, x) in qd.iter().enumerate() {
+            for (upper, bound) in [(false, self.low[joint]), (true, self.high[joint])] {
+                let limit = ActiveLimit { joint, kind: self.kinds[joint][usize::from(upper)], upper };
+                if (x - bound).abs() <= BOX_VIOLATION * (1.0 + bound.abs()) && !active.contains(&limit) {
+                    active.push(limit);
+                }
+            }
+        }
+    }
+}
+
+/// The largest velocity towards a position limit at distance `d`.
+fn braking(d: f64, limits: &Limits, dt: f64) -> f64 {
+    if d == f64::INFINITY {
+        return f64::INFINITY;
+    }
+    if d < 0.0 {
+        // Outside: back at once, or as fast as the joint can.
+        return (d / dt).max(-limits.velocity);
+    }
+    let a = limits.acceleration;
+    let steps = d / (a * dt * dt);
+    if a == f64::INFINITY || !steps.is_finite() {
+        return d / dt;
+    }
+    let k = (((1.0 + 8.0 * steps).sqrt() - 1.0) / 2.0).floor();
+    a * dt * (0.5 * k + steps / (k + 1.0))
+}
+
+impl Resolver for SaturatedNullspace {
+    fn name(&self) -> &'static str {
+        "saturated_nullspace"
+    }
+
+    fn chain(&self) -> &Chain {
+        &self.local.chain
+    }
+
+    fn task(&self) -> &Task {
+        &self.local.task
+    }
+
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+        self.local.update(input, qd)?;
+        by_dimension!(self.resolve(input, qd) for self.local.task.dim())
+    }
+
+    fn active_limits(&self) -> &[ActiveLimit] {
+        &self.active
+    }
+
+    fn boxed(&self) -> Box<dyn Resolver> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,583 @@
+//! Velocity schemes and the closed loop around them.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use redundancy_core::Error;
+use redundancy_core::Status;
+use redundancy_core::kinematics::Task;
+use redundancy_core::planning::{Track, TrackSettings, track};
+use redundancy_core::velocity::{
+    ActiveLimit, Damping, ExtendedJacobian, Gain, ProjectedGradient, ReducedGradient, Resolver,
+    SaturatedNullspace, StepInput, StepReport, sigma_min,
+};
+
+use crate::chain::PyChain;
+use crate::convert::read_vector;
+use crate::criterion::PyCriterion;
+use crate::error::to_py;
+use crate::path::{PyPath, PyTrajectory};
+use crate::status::status_to_py;
+use crate::task::{PyTask, read_task};
+
+/// Steps between two looks at Ctrl-C: some milliseconds.
+const BLOCK: usize = 4096;
+
+/// When and how strongly small singular values are damped.
+#[pyclass(name = "Damping", module = "redundancy", frozen, eq, get_all)]
+#[derive(PartialEq)]
+pub struct PyDamping {
+    maximum: f64,
+    threshold: f64,
+    rho: f64,
+}
+
+#[pymethods]
+impl PyDamping {
+    #[new]
+    fn new(maximum: f64, threshold: f64, rho: f64) -> PyResult<Self> {
+        Damping { maximum, threshold, rho }.validate().map_err(to_py)?;
+        Ok(Self { maximum, threshold, rho })
+    }
+
+    /// The squared damping factor of a singular value.
+    fn square(&self, sigma: f64) -> f64 {
+        self.core().square(sigma)
+    }
+
+    fn __repr__(&self) -> String {
+        let Self { maximum, threshold, rho } = self;
+        format!("Damping(maximum={maximum:?}, threshold={threshold:?}, rho={rho:?})")
+    }
+
+    fn __hash__(&self) -> u64 {
+        use std::hash::{DefaultHasher, Hash, Hasher};
+        let mut hasher = DefaultHasher::new();
+        [self.maximum, self.threshold, self.rho].map(|x| (x + 0.0).to_bits()).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn __getnewargs__(&self) -> (f64, f64, f64) {
+        (self.maximum, self.threshold, self.rho)
+    }
+}
+
+impl PyDamping {
+    fn core(&self) -> Damping {
+        Damping { maximum: self.maximum, threshold: self.threshold, rho: self.rho }
+    }
+}
+
+/// `"auto"`, `None` or a `Damping`.
+fn read_damping(damping: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Damping>> {
+    let Some(damping) = damping else { return Ok(None) };
+    if let Ok(damping) = damping.cast::<PyDamping>() {
+        return Ok(Some(damping.get().core()));
+    }
+    if damping.extract::<&str>().is_ok_and(|word| word == "auto") {
+        return Ok(Some(Damping::default()));
+    }
+    let message = format!("damping is {}, expected \"auto\", None or a Damping", damping.repr()?);
+    Err(to_py(Error::Invalid(message)))
+}
+
+/// A number or `"optimal"`.
+fn read_gain(gain: &Bound<'_, PyAny>) -> PyResult<Gain> {
+    if let Ok(number) = gain.extract::<f64>() {
+        return Ok(Gain::Constant(number));
+    }
+    if gain.extract::<&str>().is_ok_and(|word| word == "optimal") {
+        return Ok(Gain::Optimal);
+    }
+    Err(to_py(Error::Invalid(format!("gain is {}, expected a number or \"optimal\"", gain.repr()?))))
+}
+
+fn read_criterion(
+    criterion: Option<&Bound<'_, PyCriterion>>,
+) -> Option<std::sync::Arc<dyn redundancy_core::criterion::Criterion>> {
+    criterion.map(|criterion| criterion.get().criterion.clone())
+}
+
+/// A scheme that turns a task velocity into a joint velocity.
+#[pyclass(name = "Resolver", module = "redundancy", frozen, subclass)]
+pub struct PyResolver {
+    resolver: Mutex<Box<dyn Resolver>>,
+    chain: Py<PyChain>,
+    /// Class and arguments that make it again.
+    recipe: Py<PyTuple>,
+    text: String,
+}
+
+impl PyResolver {
+    /// `arguments` start with the chain; `class` makes the same from them.
+    fn of(
+        class: Bound<'_, PyType>,
+        arguments: Bound<'_, PyTuple>,
+        chain: &Bound<'_, PyChain>,
+        resolver: impl Resolver + 'static,
+    ) -> PyResult<Self> {
+        let py = class.py();
+        let text =
+            format!("{}({}, task='{}')", class.name()?, chain.get().chain.name(), resolver.task().kind());
+        let recipe = PyTuple::new(py, [class.into_any(), arguments.into_any()])?.unbind();
+        Ok(Self { resolver: Mutex::new(Box::new(resolver)), chain: chain.clone().unbind(), recipe, text })
+    }
+
+    /// The scheme. It is never held while Python code runs, so this does not wait for the GIL.
+    fn lock(&self) -> MutexGuard<'_, Box<dyn Resolver>> {
+        self.resolver.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl PyResolver {
+    /// One step.
+    #[pyo3(signature = (q, task_velocity, dt=None, qd=None))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        q: &Bound<'_, PyAny>,
+        task_velocity: &Bound<'_, PyAny>,
+        dt: Option<f64>,
+        qd: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyStep> {
+        let q = read_vector(q, "q", None)?;
+        let velocity = read_vector(task_velocity, "task_velocity", None)?;
+        let before = qd.map(|qd| read_vector(qd, "qd", None)).transpose()?;
+        let mut out = vec![0.0; q.len()];
+        let input = StepInput { q: &q, velocity: &velocity, dt, qd: before.as_deref() };
+        let mut resolver = self.lock();
+        let report = resolver.step(&input, &mut out).map_err(to_py)?;
+        let (active, task) = (resolver.active_limits().to_vec(), *resolver.task());
+        drop(resolver);
+        Ok(PyStep { qd: out, q, report, active, chain: self.chain.clone_ref(py), task })
+    }
+
+    /// The chain it was made for.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
+    /// The task.
+    #[getter]
+    fn task(&self) -> PyTask {
+        PyTask { task: *self.lock().task() }
+    }
+
+    /// Dependent joints of the last step; empty for schemes that have none.
+    #[getter]
+    fn basis(&self) -> Vec<usize> {
+        self.lock().basis().to_vec()
+    }
+
+    fn __repr__(&self) -> &str {
+        &self.text
+    }
+
+    fn __reduce__(&self, py: Python<'_>) -> Py<PyTuple> {
+        self.recipe.clone_ref(py)
+    }
+}
+
+/// Projected gradient (Bettini, De Luca, Oriolo 2000, eq. 2).
+#[pyclass(name = "ProjectedGradient", module = "redundancy", frozen, extends = PyResolver)]
+pub struct PyProjectedGradient;
+
+#[pymethods]
+impl PyProjectedGradient {
+    #[new]
+    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into())))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        criterion: Option<&Bound<'_, PyCriterion>>,
+        gain: &Bound<'_, PyAny>,
+        task: Option<&Bound<'_, PyAny>>,
+        damping: Option<WordOr>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let damping = bound(py, damping);
+        let task = task.map_or(Ok(Task::POSE), read_task)?;
+        let resolver = ProjectedGradient::new(
+            &chain.get().chain,
+            read_criterion(criterion),
+            read_gain(gain)?,
+            task,
+            read_damping(damping.as_ref())?,
+        )
+        .map_err(to_py)?;
+        let arguments = (chain, criterion, gain, PyTask { task }, damping).into_pyobject(py)?;
+        let base = PyResolver::of(py.get_type::<Self>(), arguments, chain, resolver)?;
+        Ok(PyClassInitializer::from(base).add_subclass(Self))
+    }
+}
+
+/// Reduced gradient (Bettini, De Luca, Oriolo 2000, eq. 4).
+#[pyclass(name = "ReducedGradient", module = "redundancy", frozen, extends = PyResolver)]
+pub struct PyReducedGradient;
+
+#[pymethods]
+impl PyReducedGradient {
+    #[new]
+    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), basis=None))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        criterion: Option<&Bound<'_, PyCriterion>>,
+        gain: &Bound<'_, PyAny>,
+        task: Option<&Bound<'_, PyAny>>,
+        damping: Option<WordOr>,
+        basis: Option<Vec<i64>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let damping = bound(py, damping);
+        let task = task.map_or(Ok(Task::POSE), read_task)?;
+        let joints = basis.as_deref().map(read_basis).transpose()?;
+        let resolver = ReducedGradient::new(
+            &chain.get().chain,
+            read_criterion(criterion),
+            read_gain(gain)?,
+            task,
+            read_damping(damping.as_ref())?,
+            joints.as_deref(),
+        )
+        .map_err(to_py)?;
+        let arguments = (chain, criterion, gain, PyTask { task }, damping, basis).into_pyobject(py)?;
+        let base = PyResolver::of(py.get_type::<Self>(), arguments, chain, resolver)?;
+        Ok(PyClassInitializer::from(base).add_subclass(Self))
+    }
+}
+
+/// Extended Jacobian (Park, Chung, Youm 1996, eq. 5).
+#[pyclass(name = "ExtendedJacobian", module = "redundancy", frozen, extends = PyResolver)]
+pub struct PyExtendedJacobian;
+
+#[pymethods]
+impl PyExtendedJacobian {
+    #[new]
+    #[pyo3(signature = (chain, criterion, task=None, *, gain=10.0, damping=Some("auto".into())))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        criterion: &Bound<'_, PyCriterion>,
+        task: Option<&Bound<'_, PyAny>>,
+        gain: f64,
+        damping: Option<WordOr>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let damping = bound(py, damping);
+        let task = task.map_or(Ok(Task::POSE), read_task)?;
+        let h = criterion.get().criterion.clone();
+        let damper = read_damping(damping.as_ref())?;
+        let resolver = ExtendedJacobian::new(&chain.get().chain, h, gain, task, damper).map_err(to_py)?;
+        let make = py.get_type::<Self>().getattr("_make")?;
+        let arguments = (chain, criterion, PyTask { task }, gain, damping).into_pyobject(py)?;
+        let mut base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
+        base.recipe = PyTuple::new(py, [make, arguments.into_any()])?.unbind();
+        Ok(PyClassInitializer::from(base).add_subclass(Self))
+    }
+
+    /// Inverse of pickling: all arguments by place.
+    #[staticmethod]
+    fn _make<'py>(
+        chain: &Bound<'py, PyChain>,
+        criterion: &Bound<'py, PyCriterion>,
+        task: &Bound<'py, PyAny>,
+        gain: f64,
+        damping: Option<WordOr>,
+    ) -> PyResult<Bound<'py, Self>> {
+        Bound::new(chain.py(), Self::new(chain, criterion, Some(task), gain, damping)?)
+    }
+}
+
+/// Saturation in the null space (Flacco, De Luca, Khatib 2015): hard limits.
+#[pyclass(name = "SaturatedNullspace", module = "redundancy", frozen, extends = PyResolver)]
+pub struct PySaturatedNullspace;
+
+#[pymethods]
+impl PySaturatedNullspace {
+    #[new]
+    #[pyo3(signature = (chain, criterion=None, gain=1.0, task=None, damping=None))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        criterion: Option<&Bound<'_, PyCriterion>>,
+        gain: f64,
+        task: Option<&Bound<'_, PyAny>>,
+        damping: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let task = task.map_or(Ok(Task::POSE), read_task)?;
+        let resolver = SaturatedNullspace::new(
+            &chain.get().chain,
+            read_criterion(criterion),
+            Gain::Constant(gain),
+            task,
+            read_damping(damping)?,
+        )
+        .map_err(to_py)?;
+        let arguments = (chain, criterion, gain, PyTask { task }, damping).into_pyobject(py)?;
+        let base = PyResolver::of(py.get_type::<Self>(), arguments, chain, resolver)?;
+        Ok(PyClassInitializer::from(base).add_subclass(Self))
+    }
+}
+
+/// A default that is a word, or what the caller gave.
+#[derive(FromPyObject)]
+enum WordOr {
+    Word(String),
+    Object(Py<PyAny>),
+}
+
+impl From<&str> for WordOr {
+    fn from(word: &str) -> Self {
+        Self::Word(word.into())
+    }
+}
+
+fn bound(py: Python<'_>, value: Option<WordOr>) -> Option<Bound<'_, PyAny>> {
+    value.map(|value| match value {
+        WordOr::Word(word) => pyo3::types::PyString::new(py, &word).into_any(),
+        WordOr::Object(object) => object.into_bound(py),
+    })
+}
+
+fn read_basis(basis: &[i64]) -> PyResult<Vec<usize>> {
+    let joint = |joint: &i64| {
+        usize::try_from(*joint).map_err(|_| {
+            let (what, bound) = ("joint of the basis".into(), ">= 0".into());
+            to_py(Error::OutOfRange { what, value: *joint as f64, bound })
+        })
+    };
+    basis.iter().map(joint).collect()
+}
+
+/// What one step did.
+#[pyclass(name = "Step", module = "redundancy", frozen)]
+pub struct PyStep {
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    report: StepReport,
+    active: Vec<ActiveLimit>,
+    chain: Py<PyChain>,
+    task: Task,
+}
+
+#[pymethods]
+impl PyStep {
+    /// Joint velocity `(n,)`.
+    #[getter]
+    fn qd<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.qd)
+    }
+
+    /// `converged`, `singular` or `limits`.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.report.status)
+    }
+
+    /// Share of the task velocity that is realised.
+    #[getter]
+    fn scale(&self) -> f64 {
+        self.report.scale
+    }
+
+    /// Largest damping factor that acted.
+    #[getter]
+    fn damping(&self) -> f64 {
+        self.report.damping
+    }
+
+    /// `|J qd - scale v|`.
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.report.residual
+    }
+
+    /// Whether a change of basis began.
+    #[getter]
+    fn basis_changed(&self) -> bool {
+        self.report.basis_changed
+    }
+
+    /// Whether the scheme's own condition, not the Jacobian, lost rank.
+    #[getter]
+    fn algorithmic(&self) -> bool {
+        self.report.algorithmic
+    }
+
+    /// Limits that acted: joint name, kind, side.
+    #[getter]
+    fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
+        let joints = self.chain.get().chain.joints();
+        self.active
+            .iter()
+            .map(|limit| {
+                let side = if limit.upper { "upper" } else { "lower" };
+                (joints[limit.joint].name.clone(), limit.kind.as_str(), side)
+            })
+            .collect()
+    }
+
+    /// Least singular value of the task Jacobian, exact, computed on request.
+    #[getter]
+    fn sigma_min(&self) -> PyResult<f64> {
+        sigma_min(&self.chain.get().chain, &self.task, &self.q).map_err(to_py)
+    }
+
+    fn __repr__(&self) -> String {
+        let report = &self.report;
+        format!("Step(qd={:?}, status={}, scale={})", self.qd, report.status, report.scale)
+    }
+
+    fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, StepParts)> {
+        let report = &self.report;
+        let limit = |l: &ActiveLimit| (l.joint, l.kind.as_str().to_owned(), l.upper);
+        let numbers = (report.scale, report.damping, report.residual);
+        let flags = (report.basis_changed, report.algorithmic);
+        let make = py.get_type::<Self>().getattr("_make")?.unbind();
+        let active = self.active.iter().map(limit).collect();
+        let task = Py::new(py, PyTask { task: self.task })?.into_any();
+        let status = report.status.as_str().to_owned();
+        Ok((
+            make,
+            (self.chain.clone_ref(py), task, self.q.clone(), self.qd.clone(), status, numbers, flags, active),
+        ))
+    }
+
+    /// Inverse of pickling.
+    #[staticmethod]
+    fn _make(
+        chain: Py<PyChain>,
+        task: &Bound<'_, PyAny>,
+        q: Vec<f64>,
+        qd: Vec<f64>,
+        status: &str,
+        numbers: (f64, f64, f64),
+        flags: (bool, bool),
+        active: Vec<(usize, String, bool)>,
+    ) -> PyResult<Self> {
+        use redundancy_core::velocity::LimitKind;
+        let unknown =
+            || to_py(Error::Invalid(format!("a step with the status '{status}' cannot be restored")));
+        let status = Status::ALL.into_iter().find(|s| s.as_str() == status).ok_or_else(unknown)?;
+        let dof = chain.get().chain.dof();
+        let limit = |(joint, word, upper): (usize, String, bool)| {
+            let kind = [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration]
+                .into_iter()
+                .find(|kind| kind.as_str() == word && joint < dof);
+            kind.map(|kind| ActiveLimit { joint, kind, upper }).ok_or_else(unknown)
+        };
+        let report = StepReport {
+            status,
+            scale: numbers.0,
+            damping: numbers.1,
+            residual: numbers.2,
+            basis_changed: flags.0,
+            algorithmic: flags.1,
+        };
+        let active = active.into_iter().map(limit).collect::<PyResult<_>>()?;
+        Ok(Self { q, qd, report, active, chain, task: read_task(task)? })
+    }
+}
+
+type StepParts = (
+    Py<PyChain>,
+    Py<PyAny>,
+    Vec<f64>,
+    Vec<f64>,
+    String,
+    (f64, f64, f64),
+    (bool, bool),
+    Vec<(usize, String, bool)>,
+);
+
+/// A trajectory that followed a path in closed loop.
+#[pyclass(name = "Track", module = "redundancy", frozen, extends = PyTrajectory)]
+pub struct PyTrack {
+    position_error: f64,
+    orientation_error: f64,
+}
+
+#[pymethods]
+impl PyTrack {
+    /// Largest distance from the path, m.
+    #[getter]
+    fn position_error(&self) -> f64 {
+        self.position_error
+    }
+
+    /// Largest angle from the path, rad.
+    #[getter]
+    fn orientation_error(&self) -> f64 {
+        self.orientation_error
+    }
+
+    /// What the run did: always `converged`, since a run that is stopped raises.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, Status::Converged)
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let py = this.py();
+        let trajectory = PyTrajectory { trajectory: this.as_super().get().trajectory.clone() };
+        let track = this.get();
+        let arguments = (trajectory, track.position_error, track.orientation_error).into_pyobject(py)?;
+        Ok((py.get_type::<Self>().getattr("_make")?, arguments))
+    }
+
+    /// Inverse of pickling.
+    #[staticmethod]
+    fn _make<'py>(
+        trajectory: &Bound<'py, PyTrajectory>,
+        position_error: f64,
+        orientation_error: f64,
+    ) -> PyResult<Bound<'py, Self>> {
+        let base = PyTrajectory { trajectory: trajectory.get().trajectory.clone() };
+        let track = Self { position_error, orientation_error };
+        Bound::new(trajectory.py(), PyClassInitializer::from(base).add_subclass(track))
+    }
+}
+
+/// Follows a path in closed loop with a velocity scheme.
+#[pyfunction(name = "track")]
+#[pyo3(signature = (chain, resolver, path, q0, dt, feedback=5.0))]
+pub fn py_track<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyChain>,
+    resolver: &Bound<'py, PyResolver>,
+    path: &Bound<'py, PyPath>,
+    q0: &Bound<'py, PyAny>,
+    dt: f64,
+    feedback: f64,
+) -> PyResult<Bound<'py, PyTrack>> {
+    let resolver = resolver.get().lock().boxed();
+    if chain.get().chain != *resolver.chain() {
+        let (a, b) = (chain.get().chain.name(), resolver.chain().name());
+        let message = format!("the resolver was made for another chain ('{b}') than the one given ('{a}')");
+        return Err(to_py(Error::Invalid(message)));
+    }
+    let q0 = read_vector(q0, "q0", None)?;
+    let settings = TrackSettings { dt, feedback, block: BLOCK };
+    let path = path.get();
+    let mut interrupt = None;
+    let done: redundancy_core::Result<Track> =
+        py.detach(|| {
+            track(&*resolver, &path.path, &q0, &settings, &mut |_| match Python::attach(|py| {
+                py.check_signals()
+            }) {
+                Ok(()) => true,
+                Err(error) => {
+                    interrupt = Some(error);
+                    false
+                }
+            })
+        });
+    if let Some(error) = interrupt {
+        return Err(error);
+    }
+    let done = done.map_err(to_py)?;
+    let track = PyTrack { position_error: done.position_error, orientation_error: done.orientation_error };
+    Bound::new(py, PyClassInitializer::from(PyTrajectory::from(done.trajectory)).add_subclass(track))
+}
