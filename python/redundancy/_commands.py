@@ -415,6 +415,67 @@ def _progress(points: int) -> AbstractContextManager[Progress]:
     return Progress(*columns, console=_err, transient=True, disable=points < _LONG or not _err.is_terminal)
 
 
+# --- analyse ----------------------------------------------------------------------------------------------
+
+
+@app.command()
+def analyse(
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")] = File(
+        "redundancy-analysis"
+    ),
+    path: Annotated[
+        File | None,
+        typer.Option(help="CSV of the path to follow; without it the circle of the paper (planar3r)."),
+    ] = None,
+    q: Annotated[
+        str | None, typer.Option(help="Joint angles in degrees; analyse the pose they give.")
+    ] = None,
+    criterion: Annotated[str, typer.Option(help="manipulability or joint_range.")] = "manipulability",
+    task: Annotated[
+        str | None, typer.Option(help="Coordinates that are held; default planar for planar arms, else pose.")
+    ] = None,
+    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
+) -> None:
+    """Find every optimum of a criterion over a pose, and say how far each can be followed along a path.
+
+    Writes summary.json with the critical points, their kinds and where each path stops and why, the trajectory of the
+    best start, and PNGs: loci, self-motion, paths, values.
+    Exit status: 0 done, 1 no start completes the path, 2 bad input.
+
+    Example:  redundancy analyse --robot planar3r --out analysis/
+    Example:  redundancy analyse --robot iiwa14 --q "20,40,0,-80,0,60,0" --criterion joint_range --out analysis/
+    """
+    from redundancy._analyse import Analysis  # noqa: PLC0415 - the other commands do without it
+
+    chain = load_robot(robot, base, tip)
+    if task is None:
+        task = "planar" if chain.name.startswith("planar") else "pose"
+    angles = None if q is None else _angles(q, chain)
+    analysis = Analysis(chain, robot, out, criterion, task, path, angles, plots)
+    try:
+        lines, written = analysis.run()
+    except KeyboardInterrupt as error:
+        raise StoppedError from error
+    for line in lines:
+        _out.print(escape(line), soft_wrap=True)
+    _out.print(f"in {escape(str(out))}: {', '.join(written)}", soft_wrap=True)
+    if analysis.summary["completed"] is False:
+        raise CannotFollowError("every critical point over the start of the path meets a singularity")
+
+
+def _angles(text: str, chain: rd.Chain) -> NDArray[np.float64]:
+    try:
+        degrees = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        degrees = []
+    if len(degrees) != chain.dof or not np.isfinite(degrees).all():
+        raise rd.RedundancyError(f"--q is '{text}', it must be {chain.dof} angles in degrees")
+    return np.deg2rad(degrees)
+
+
 # --- paint ------------------------------------------------------------------------------------------------
 
 

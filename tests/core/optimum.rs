@@ -464,11 +464,10 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                         if !jumps {
                             let crosses = (left.1 > 0.0) != (right.1 > 0.0);
                             let odd = inside.len() % 2 == 1;
-                            // Rounding of the swivel of a point next to a sample may put it into the next cell.
                             assert_eq!(
                                 crosses,
                                 odd,
-                                "{name} {h:?} branch {:?} s = {} of {points:?}",
+                                "{name} branch {:?} s = {} of {points:?}",
                                 branch.signs(),
                                 step * k as f64
                             );

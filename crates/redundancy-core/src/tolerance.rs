@@ -430,3 +430,14 @@ pub const CLEARANCE_DIFFERENCE: f64 = 2e-6;
 
 /// Distance (m) between neighbouring joints below which no link is between them.
 pub const LINK_LENGTH: f64 = 1e-9;
+
+/// Rounding of the slope of a criterion along the self-motion, relative to its gradient and curvature.
+pub const SLOPE_NOISE: f64 = 1e-13;
+
+/// Steps between two points of a path after which a critical point is given up: only next to singularities are steps so
+/// short that this many are needed.
+pub const FOLLOW_STEPS: usize = 100_000;
+
+/// Cosine of the angle between two rows at which Jacobi rotations take them for orthogonal: a few roundings of a
+/// product of six numbers; singular values are exact to the same relative size.
+pub const ORTHOGONAL: f64 = 1e-14;

@@ -10,6 +10,8 @@
 
 use nalgebra::DMatrix;
 
+use crate::tolerance::ORTHOGONAL;
+
 /// Memory for the factors of one `(m, n)` Jacobian, `m <= n`.
 #[derive(Debug, Clone)]
 pub struct NullSpace {
@@ -202,7 +204,7 @@ fn reflect(v: &[f64], scale: f64, x: &mut [f64]) {
 /// Rotates two vectors in their plane until they are orthogonal; false where they are.
 fn orthogonalise(a: &mut [f64], b: &mut [f64]) -> bool {
     let (alpha, beta, gamma) = (squared(a), squared(b), dot(a, b));
-    if gamma.abs() <= f64::EPSILON * (alpha * beta).sqrt() {
+    if gamma.abs() <= ORTHOGONAL * (alpha * beta).sqrt() {
         return false;
     }
     let zeta = (beta - alpha) / (2.0 * gamma);

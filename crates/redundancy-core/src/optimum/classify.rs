@@ -134,8 +134,13 @@ impl<'a> Classifier<'a> {
 
     /// [`Classifier::classify`] for a `q` that was checked before.
     pub(crate) fn kind_at(&mut self, q: &[f64]) -> Kind {
+        self.stationarity.second_order(q);
+        self.judge()
+    }
+
+    /// What the configuration is at which the stationarity was evaluated last.
+    pub(super) fn judge(&mut self) -> Kind {
         let at = &mut self.stationarity;
-        at.second_order(q);
         self.sigma = at.singular_values();
         self.residual = at.mu().iter().map(|x| x * x).sum::<f64>().sqrt();
         symmetric_eigenvalues(at.reduced_hessian(), &mut self.eigenvalues);
@@ -162,6 +167,11 @@ impl<'a> Classifier<'a> {
     /// Smallest singular value of the task Jacobian at the last configuration.
     pub fn sigma_min(&self) -> f64 {
         self.sigma[0]
+    }
+
+    /// Smallest over largest singular value of the task Jacobian at the last configuration.
+    pub(super) fn sigma_ratio(&self) -> f64 {
+        if self.sigma[1] > 0.0 { self.sigma[0] / self.sigma[1] } else { 0.0 }
     }
 
     /// What the numbers were made from.

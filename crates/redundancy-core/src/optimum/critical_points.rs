@@ -21,7 +21,7 @@ use crate::self_motion::{
     Fibre, SelfMotionCurve, TraceSettings, geometric, random_configurations, self_motion_curves, short_way,
     wind,
 };
-use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT};
+use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE, TRACE_ONE_STEP};
 
 /// Settings of [`constrained_optima`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -188,6 +188,8 @@ struct Sample {
     s: f64,
     mu: f64,
     slope: f64,
+    /// Rounding of mu.
+    noise: f64,
 }
 
 impl<'a> Search<'a> {
@@ -208,7 +210,8 @@ impl<'a> Search<'a> {
         let at = self.classifier.stationarity_mut();
         at.second_order(&wound);
         let along: f64 = at.null_space().basis().iter().zip(t).map(|(n, t)| n * t).sum();
-        Sample { s, mu: at.mu()[0] * along.signum(), slope: at.reduced_hessian()[(0, 0)] }
+        let noise = SLOPE_NOISE * (at.scale() + at.gradient().iter().map(|g| g.abs()).sum::<f64>());
+        Sample { s, mu: at.mu()[0] * along.signum(), slope: at.reduced_hessian()[(0, 0)], noise }
     }
 
     fn along(&mut self, curve: &SelfMotionCurve) {
@@ -224,20 +227,28 @@ impl<'a> Search<'a> {
             let shift = shift_of(self, q);
             let here = self.sample(s, q, t, &shift);
             if let Some((left, old)) = before.take() {
-                let same = old.iter().zip(&shift).all(|(a, b)| (a - b).abs() < 1.0);
-                // A joint that changes its winding in between: both windings are followed, a root counts where it is in
-                // the winding that it was looked for in.
-                let right = if same { here } else { self.sample(s, q, t, &old) };
-                self.between(curve, left, right, &old, 0);
-                if !same {
-                    let (q, t) = (curve.q_row(k - 1), curve.tangent_row(k - 1));
-                    let left = self.sample(left.s, q, t, &shift);
-                    self.between(curve, left, here, &shift, 0);
+                // Joints that change their winding in between, each somewhere else: every combination is followed, a
+                // root counts where it is in the winding that it was looked for in.
+                let changed: Vec<usize> = (0..n).filter(|i| (old[*i] - shift[*i]).abs() > 1.0).collect();
+                for mask in 0..1_usize << changed.len() {
+                    let mut mixed = old.clone();
+                    for (bit, i) in changed.iter().enumerate() {
+                        if mask >> bit & 1 == 1 {
+                            mixed[*i] = shift[*i];
+                        }
+                    }
+                    let left = if mask == 0 {
+                        left
+                    } else {
+                        self.sample(left.s, curve.q_row(k - 1), curve.tangent_row(k - 1), &mixed)
+                    };
+                    let all = mask + 1 == 1 << changed.len();
+                    let right = if all { here } else { self.sample(s, q, t, &mixed) };
+                    self.between(curve, left, right, &mixed, 0);
                 }
             }
             before = Some((here, shift));
         }
-        debug_assert!(curve.q().len() == n * curve.rows());
     }
 
     fn between(&mut self, curve: &SelfMotionCurve, a: Sample, b: Sample, shift: &[f64], depth: usize) {
@@ -253,6 +264,10 @@ impl<'a> Search<'a> {
         let largest = bernstein.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let least = bernstein.iter().fold(f64::INFINITY, |m: f64, x| m.min(x.abs()));
         let crosses = (a.mu > 0.0) != (b.mu > 0.0);
+        if depth == 0 && largest <= a.noise.max(b.noise) {
+            // The criterion is constant here up to rounding: no isolated critical point.
+            return;
+        }
         match changes {
             0 if least >= CLEAR * largest => return,
             1 if crosses && (depth > 0 || h < 0.3) => return self.root(curve, a, b, shift),
@@ -281,11 +296,11 @@ impl<'a> Search<'a> {
 
     /// The root of mu between two points of different sign: secant steps that stay in the bracket, then Newton.
     fn root(&mut self, curve: &SelfMotionCurve, a: Sample, b: Sample, shift: &[f64]) {
-        const STEPS: usize = 8;
+        const STEPS: usize = 60;
         let (mut low, mut high) = (a, b);
         for _ in 0..STEPS {
             let width = high.s - low.s;
-            if width < 1e-3 * (b.s - a.s) || high.mu == low.mu {
+            if width <= TRACE_ONE_STEP {
                 break;
             }
             // Newton from the better end, the middle where it leaves the bracket.
@@ -294,7 +309,8 @@ impl<'a> Search<'a> {
             let inside = newton > low.s && newton < high.s;
             let s = if inside { newton } else { 0.5 * (low.s + high.s) };
             let here = self.at(curve, s, shift);
-            if here.mu == 0.0 || inside && (here.mu / here.slope).abs() < 1e-4 * (b.s - a.s) {
+            let close = (here.mu / here.slope).abs();
+            if here.mu == 0.0 || inside && close < 1e-3 * (s - from.s).abs() && close < 1e-3 * width {
                 (low, high) = (here, here);
                 break;
             }

@@ -34,8 +34,8 @@ use crate::kinematics::{NullSpace, Task, TaskKind};
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::self_motion::geometric;
 use crate::tolerance::{
-    FOLLOW_DONE, FOLLOW_FOLD, FOLLOW_SHORTEST, FOLLOW_SINGULAR, FOLLOW_START, FREE_SPEED, LIMIT_SLACK,
-    TRACE_TURN,
+    FOLLOW_DONE, FOLLOW_FOLD, FOLLOW_SHORTEST, FOLLOW_SINGULAR, FOLLOW_START, FOLLOW_STEPS, FREE_SPEED,
+    LIMIT_SLACK, TRACE_TURN,
 };
 
 /// Settings of [`follow_optimum`].
@@ -212,8 +212,11 @@ pub fn rank_starts(
         .into_par_iter()
         .map(|point| {
             let mut follower = Follower::new(chain, path, criterion, task, *settings)?;
-            // A point of the search lies on the path and is critical; what is degenerate stops at once.
-            let start = follower.start(&point.q)?;
+            // A point of the search lies on the path and is critical, whatever Newton's method makes of it again.
+            let start = match follower.start(&point.q) {
+                Ok(start) => start,
+                Err(error) => follower.take(point.q.clone()).ok_or(error)?,
+            };
             Ok(RankedStart { point, followed: follower.run(start) })
         })
         .collect::<Result<Vec<_>>>()?;
@@ -330,10 +333,14 @@ impl<'a> Follower<'a> {
         if !polished {
             q.copy_from_slice(q0);
         }
+        self.take(q).ok_or_else(|| Error::Invalid("q0 cannot be evaluated".into()))
+    }
+
+    /// `q` as the point over the start of the path.
+    fn take(&mut self, q: Vec<f64>) -> Option<Point> {
         let mut forward = vec![0.0; self.n + 1];
         forward[self.n] = 1.0;
-        let s = self.path.s()[0];
-        self.point(q, s, &forward).ok_or_else(|| Error::Invalid("q0 cannot be evaluated".into()))
+        self.point(q, self.path.s()[0], &forward)
     }
 
     /// Fills B and the rest `[x - f; -mu]` at (q, s).
@@ -380,10 +387,9 @@ impl<'a> Follower<'a> {
         let basis = self.bordered.basis();
         let along: f64 = basis.iter().zip(before).map(|(a, b)| a * b).sum();
         let tangent: Vec<f64> = basis.iter().map(|t| along.signum() * t).collect();
-        self.classifier.kind_at(&q);
+        self.classifier.judge();
         let eigenvalues = self.classifier.eigenvalues().to_vec();
-        let [least, most] = self.classifier.stationarity_mut().singular_values();
-        let sigma = [least, if most > 0.0 { least / most } else { 0.0 }];
+        let sigma = [self.classifier.sigma_min(), self.classifier.sigma_ratio()];
         let finite = tangent.iter().chain(&eigenvalues).all(|x| x.is_finite());
         finite.then_some(Point { q, s, tangent, sigma, eigenvalues })
     }
@@ -460,7 +466,20 @@ impl<'a> Follower<'a> {
         let mut h = self.settings.step;
         let knots = self.path.s().to_vec();
         for goal in knots.iter().skip(1) {
+            let mut steps = 0;
             while here.s < *goal {
+                steps += 1;
+                if steps > FOLLOW_STEPS {
+                    // Only next to singularities are steps that short.
+                    let kinematic = here.sigma[1] < 1e-3;
+                    let what = "runs along another critical point, too near to be told from it,";
+                    out.stop = Some(if kinematic {
+                        Self::singular(&here)
+                    } else {
+                        self.degenerate(kind, &here, what)
+                    });
+                    return out;
+                }
                 match self.advance(&here, *goal, &mut h, kind, inertia) {
                     Ok(next) => here = next,
                     Err(stop) => {
