@@ -34,7 +34,7 @@ mod _core {
         py_constrained_optima,
     };
     #[pymodule_export]
-    use planning::{PySwivelPlan, py_plan_swivel};
+    use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
     use rotation::{
         PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,
