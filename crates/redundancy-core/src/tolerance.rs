@@ -321,3 +321,6 @@ pub const LIMIT_FORCE: f64 = 0.99;
 /// Slope of the distance along the swivel (m/rad) below which the force away from an obstacle fades: about a tenth of
 /// what the elbow's circle gives.
 pub const FLOW_SLOPE: f64 = 0.02;
+
+/// Slope of the distance along the swivel (m/rad) below which the barrier of a swivel flow fades: no swivel helps there.
+pub const BARRIER_SLOPE: f64 = 0.005;

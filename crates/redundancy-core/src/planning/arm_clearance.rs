@@ -26,7 +26,7 @@ pub(super) struct ArmClearance {
 }
 
 /// The same over one pose at one time.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct OverPose {
     shoulder: Vector3<f64>,
     wrist: Vector3<f64>,
@@ -176,6 +176,25 @@ impl ArmClearance {
     pub fn at_q(&self, q: &[f64], scene: &Scene, scratch: &mut Scratch) -> f64 {
         let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
         scene.clearance_at(&self.geometry, &kinematics).map_or(f64::INFINITY, |pair| pair.distance)
+    }
+
+    /// Distance at the swivel `s` of the branch whose configuration is `q`.
+    pub fn of_one(
+        &self,
+        motion: &SelfMotion,
+        over: Option<&OverPose>,
+        scene: &Scene,
+        s: f64,
+        q: &[f64; 7],
+        scratch: &mut Scratch,
+    ) -> f64 {
+        match over {
+            Some(over) => {
+                let (sin, cos) = s.sin_cos();
+                self.at_elbow(over, &motion.elbow([cos, sin]))
+            }
+            None => self.at_q(q, scene, scratch),
+        }
     }
 
     /// Distances at the swivel `s` of all branches, in branch order.

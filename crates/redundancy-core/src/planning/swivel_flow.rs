@@ -30,7 +30,7 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::self_motion::{SelfMotion, SrsArm};
 use crate::status::Status;
-use crate::tolerance::FLOW_SLOPE;
+use crate::tolerance::{BARRIER_SLOPE, FLOW_SLOPE, JOINT_JUMP};
 
 /// Which dynamical system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -199,6 +199,9 @@ pub struct FlowStep {
 /// Swivels that are looked at within the rate limit when the step comes too near to an obstacle or breaks a limit.
 const LOOK_AROUND: usize = 32;
 
+/// Halvings of the way from there back to the wished step.
+const BISECTIONS: usize = 8;
+
 impl SwivelFlow {
     /// For an arm beside a scene.
     ///
@@ -239,7 +242,7 @@ impl SwivelFlow {
         if !motion.in_reach() {
             return Err(Error::Invalid(format!("no swivel over this pose: {}", motion.reason())));
         }
-        let here = At { flow: self, motion: &motion, pose, t };
+        let here = At { flow: self, motion: &motion, pose, t, before: None };
         Ok(match self.settings.form {
             FlowForm::Robust => here.robust(s, desired, dt),
             form => here.paper(s, desired, dt, form),
@@ -268,6 +271,7 @@ impl SwivelFlow {
         let (mut s, mut q) = (s0, Vec::with_capacity(times.len()));
         let (mut swivel, mut clearance) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
         let mut outside = None;
+        let mut fastest = (0.0, 0, 0);
         let mut events = Vec::new();
         let mut status = Status::Converged;
         for (k, t) in times.iter().enumerate() {
@@ -277,7 +281,8 @@ impl SwivelFlow {
             if !motion.in_reach() {
                 return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
             }
-            let here = At { flow: self, motion: &motion, pose: &pose, t: *t };
+            let before = q.last().map(|q| (*q, t - times[k - 1]));
+            let here = At { flow: self, motion: &motion, pose: &pose, t: *t, before };
             let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
             let step = if k == 0 {
                 here.result(s0, false)
@@ -290,8 +295,12 @@ impl SwivelFlow {
             };
             s = step.swivel;
             let mut row = step.q;
-            if let Some(before) = q.last() {
-                row = unwound(&row, before, self.arm.chain().lower(), self.arm.chain().upper());
+            if let Some((before, gap)) = here.before {
+                row = unwound(&row, &before, self.arm.chain().lower(), self.arm.chain().upper());
+                let (used, joint) = self.speed(&row, &before, gap);
+                if used > 1.0 + SPEED_ROUNDING && used > fastest.0 {
+                    fastest = (used, joint, k);
+                }
             }
             if !step.within_limits && outside.is_none() {
                 outside = Some(k);
@@ -308,9 +317,10 @@ impl SwivelFlow {
             }
         }
         let rows = q.len();
-        let reason = self.verdict(&clearance, outside, &times);
+        let reason = self.verdict(&clearance, outside, fastest, &times);
         if status == Status::Converged && !reason.is_empty() {
-            status = if outside.is_some() { Status::Limits } else { Status::Infeasible };
+            let touches = clearance.iter().any(|d| *d < 0.0);
+            status = if outside.is_some() && !touches { Status::Limits } else { Status::Infeasible };
         }
         let names = self.arm.chain().joints().iter().map(|j| j.name.clone()).collect();
         let trajectory =
@@ -359,8 +369,28 @@ impl SwivelFlow {
         Ok((0..=steps as usize).map(|k| (first + k as f64 * dt).min(last)).collect())
     }
 
+    /// The largest joint speed from one row to the next as a share of its limit, and the joint.
+    fn speed(&self, q: &[f64; 7], before: &[f64; 7], gap: f64) -> (f64, usize) {
+        let mut most = (0.0, 0);
+        for (i, joint) in self.arm.chain().joints().iter().enumerate() {
+            let step = (q[i] - before[i]).abs();
+            // No limit: what counts as a jump.
+            let used = step / (joint.limits.velocity * gap).min(JOINT_JUMP);
+            if used > most.0 {
+                most = (used, i);
+            }
+        }
+        most
+    }
+
     /// What went wrong on the way; empty when nothing did.
-    fn verdict(&self, clearance: &[f64], outside: Option<usize>, times: &[f64]) -> String {
+    fn verdict(
+        &self,
+        clearance: &[f64],
+        outside: Option<usize>,
+        (used, joint, row): (f64, usize, usize),
+        times: &[f64],
+    ) -> String {
         let mut parts = Vec::new();
         if let Some(d) = clearance.first().filter(|d| **d < 0.0) {
             parts.push(format!("starts {:.3} mm inside an obstacle", -1e3 * d));
@@ -372,10 +402,19 @@ impl SwivelFlow {
         if let Some(k) = outside {
             parts.push(format!("leaves the joint limits at t = {:.3} s", times[k]));
         }
+        if used > 0.0 {
+            let name = &self.arm.chain().joints()[joint].name;
+            parts.push(format!(
+                "joint '{name}' turns at {used:.2} times its speed limit at t = {:.3} s",
+                times[row]
+            ));
+        }
         parts.join("; ")
     }
 }
 
+/// Relative excess over a speed limit that rounding explains.
+const SPEED_ROUNDING: f64 = 1e-9;
 /// Most rows of a flow: half a gigabyte.
 const MAX_ROWS: f64 = 5e6;
 
@@ -385,6 +424,8 @@ struct At<'a> {
     motion: &'a SelfMotion,
     pose: &'a Pose,
     t: f64,
+    /// The configuration before, and the time since then.
+    before: Option<([f64; 7], f64)>,
 }
 
 impl At<'_> {
@@ -462,38 +503,59 @@ impl At<'_> {
         let mut corrected = false;
         // The barrier: how fast the distance may shrink.
         let floor = -settings.barrier_rate * (here.distance - settings.safe_distance) - here.by_time;
-        if here.distance.is_finite()
-            && here.by_swivel * rate < floor
-            && here.by_swivel.abs() > FLOW_SLOPE * 1e-3
-        {
-            rate = (floor / here.by_swivel).clamp(-settings.max_rate, settings.max_rate);
+        if here.distance.is_finite() && here.by_swivel * rate < floor {
+            // What is missing, along the slope; bounded where the slope changes sign.
+            let slope = here.by_swivel;
+            let missing = floor - slope * rate;
+            rate += missing * slope / (slope * slope + BARRIER_SLOPE * BARRIER_SLOPE);
+            rate = rate.clamp(-settings.max_rate, settings.max_rate);
             corrected = true;
         }
         let next = s + rate * dt;
-        let good = |s: f64| {
-            let within = self.configuration(s).1;
+        // What the step must not do, the worst first: touch, leave the limits, turn a joint too fast. Limits that are
+        // broken already are left to the force, so that it does not chatter.
+        let held = self.configuration(s).1;
+        let faults = |s: f64| {
+            let (q, within) = self.configuration(s);
+            let fast = self.before.is_some_and(|(before, gap)| {
+                let chain = self.flow.arm.chain();
+                self.flow.speed(&unwound(&q, &before, chain.lower(), chain.upper()), &before, gap).0 > 1.0
+            });
             let distance = self.rates(s).distance;
-            (within, distance)
+            (
+                u8::from(distance < settings.safe_distance) * 4
+                    + u8::from(held && !within) * 2
+                    + u8::from(fast),
+                distance,
+            )
         };
-        let (within, distance) = good(next);
-        if within && distance >= settings.safe_distance {
+        let (fault, distance) = faults(next);
+        if fault == 0 {
             return self.result(next, corrected);
         }
-        // The nearest swivel within the rate limit that is good, else the best there is.
+        // The nearest swivel within the rate limit with less to blame; too near to an obstacle, the one that is furthest.
         let reach = settings.max_rate * dt;
-        let mut best = (distance.min(settings.safe_distance), within, 0.0, next);
+        let mut best = (fault, distance, next);
         for i in 0..=LOOK_AROUND {
             let candidate = s + reach * (2.0 * i as f64 / LOOK_AROUND as f64 - 1.0);
-            let (within, distance) = good(candidate);
-            let offer = (distance.min(settings.safe_distance), within, -(candidate - next).abs(), candidate);
-            // The obstacle first: a limit that cannot be held now may be held later.
-            let better = offer.0 > best.0
-                || offer.0 == best.0 && (offer.1 & !best.1 || offer.1 == best.1 && offer.2 > best.2);
-            if better {
-                best = offer;
+            let (fault, distance) = faults(candidate);
+            let nearer = (candidate - next).abs() < (best.2 - next).abs();
+            if fault < best.0 || fault == best.0 && if fault >= 4 { distance > best.1 } else { nearer } {
+                best = (fault, distance, candidate);
             }
         }
-        self.result(best.3, true)
+        // Back towards the wish as far as nothing speaks against it.
+        let mut wish = next;
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (best.2 + wish);
+            let (fault, distance) = faults(middle);
+            if best.0 < 4 && fault <= best.0 {
+                best = (fault, distance, middle);
+            } else {
+                wish = middle;
+            }
+        }
+        self.result(best.2, true)
     }
 }
 

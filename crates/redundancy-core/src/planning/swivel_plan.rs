@@ -217,21 +217,30 @@ pub fn plan_swivel(
     }
     let cancelled =
         || SwivelPlan { status: Status::Cancelled, reason: "stopped by the caller".into(), ..empty() };
-    let line = if settings.cyclic {
-        let Some(line) = problem.search_closed(progress) else { return Ok(cancelled()) };
-        match line {
-            Some(line) => line,
-            None => return Ok(problem.never_closed()),
+    // On thinned points first: where neighbours are too near together, the grid's cells hide how cheap it is to move.
+    let stride = poses.len().div_ceil(THIN_POINTS);
+    if stride > 1 && !matches!(settings.choice, SwivelChoice::Fixed(_)) {
+        let thin = problem.thinned(stride);
+        let line = match thin.searched(&mut |share| progress(0.5 * share)) {
+            None => return Ok(cancelled()),
+            Some(line) => {
+                line.filter(|line| line.q.len() == thin.circles.len() && line.reconfigurations.is_empty())
+            }
+        };
+        let line = line.map(|line| thin.smooth(line)).and_then(|line| problem.spread(&line, stride));
+        if let Some(line) = line {
+            let line = problem.polish(line);
+            progress(1.0);
+            return Ok(problem.finish(line));
         }
-    } else {
-        let Some(line) = problem.search(None, progress) else { return Ok(cancelled()) };
-        line
-    };
-    if line.q.len() == poses.len() {
-        let line = problem.refined(line);
-        progress(1.0);
+    }
+    let Some(line) = problem.searched(progress) else { return Ok(cancelled()) };
+    let Some(line) = line else { return Ok(problem.never_closed()) };
+    if line.q.len() < poses.len() || matches!(settings.choice, SwivelChoice::Fixed(_)) {
         return Ok(problem.finish(line));
     }
+    let line = problem.polish(problem.smooth(line));
+    progress(1.0);
     Ok(problem.finish(line))
 }
 
@@ -292,6 +301,45 @@ fn empty() -> SwivelPlan {
     }
 }
 
+/// Solves a symmetric positive definite system with two lower diagonals, in place; pivots that vanish count as 1e-12.
+fn solve_banded(band: &mut [[f64; 3]], x: &mut [f64]) {
+    let n = x.len();
+    // L D L^T, row by row.
+    for k in 0..n {
+        if k >= 2 {
+            let l = band[k][2] / band[k - 2][0];
+            band[k][1] -= l * band[k - 1][1] * band[k - 2][0];
+            band[k][0] -= l * band[k][2];
+            band[k][2] = l;
+        }
+        if k >= 1 {
+            let l = band[k][1] / band[k - 1][0];
+            band[k][0] -= l * band[k][1];
+            band[k][1] = l;
+        }
+        band[k][0] = band[k][0].max(PIVOT_FLOOR);
+    }
+    for k in 0..n {
+        if k >= 1 {
+            x[k] -= band[k][1] * x[k - 1];
+        }
+        if k >= 2 {
+            x[k] -= band[k][2] * x[k - 2];
+        }
+    }
+    for k in (0..n).rev() {
+        x[k] /= band[k][0];
+        if k + 1 < n {
+            x[k] -= band[k + 1][1] * x[k + 1];
+        }
+        if k + 2 < n {
+            x[k] -= band[k + 2][2] * x[k + 2];
+        }
+    }
+}
+
+/// Least pivot of the refinement's system: its entries are of the order of the points' share of the costs.
+const PIVOT_FLOOR: f64 = 1e-12;
 /// The largest manipulability of an arm among seeded configurations within its limits.
 fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
     let chain = arm.chain();
@@ -310,6 +358,16 @@ fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
 
 /// Configurations from which the largest manipulability of an arm is estimated: within some percent.
 const MANIPULABILITY_SAMPLES: usize = 2_000;
+/// What is missing from the wanted clearance costs the weight when it is a tenth of it: enough that a fraction of a
+/// millimetre is given away for everything else.
+const CLEARANCE_STEEP: f64 = 100.0;
+/// Points from which the grid is searched on every second, third ... point first.
+const THIN_POINTS: usize = 240;
+/// Most Newton steps of the refinement, and the relative decrease of the cost at which it stops.
+const POLISH_STEPS: usize = 40;
+const POLISH_GAIN: f64 = 1e-7;
+/// Difference step (rad) of the cost of a point along the swivel.
+const POLISH_DIFFERENCE: f64 = 1e-4;
 /// Most states of the first point from which a closed line is tried.
 const CLOSED_STARTS: usize = 12;
 /// Dearer than any path: the fewest reconfigurations come first.
@@ -358,6 +416,8 @@ struct Problem<'a> {
     obstacles: Option<Obstacles>,
     /// Where the manipulability counts: its measure, and the largest value seen.
     dexterity: Option<(Manipulability, f64)>,
+    /// Numbers of the points on the path.
+    points: Vec<usize>,
 }
 
 /// The obstacles along the path.
@@ -441,6 +501,7 @@ impl<'a> Problem<'a> {
             branches,
             obstacles,
             dexterity,
+            points: (0..n).collect(),
         })
     }
 
@@ -485,7 +546,7 @@ impl<'a> Problem<'a> {
         let wanted = self.settings.wanted_clearance;
         if distance < wanted {
             let missing = 1.0 - distance / wanted;
-            cost += self.settings.clearance_weight * missing * (1.0 + missing);
+            cost += self.settings.clearance_weight * CLEARANCE_STEEP * missing * missing;
         }
         if let Some((measure, best)) = &self.dexterity {
             let here = measure.value_at(&self.arm.chain().kinematics_unchecked(q, scratch));
@@ -540,7 +601,7 @@ impl<'a> Problem<'a> {
             }
         }
         if let SwivelChoice::Near(wish) = &self.settings.choice {
-            let wish = if wish.len() == 1 { wish[0] } else { wish[k] };
+            let wish = if wish.len() == 1 { wish[0] } else { wish[self.points[k]] };
             cost += self.settings.swivel_weight * (1.0 - (s - wish).cos());
         }
         let before = if k > 0 { self.parts[k - 1] } else { 0.0 };
@@ -719,9 +780,260 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The line off the grid.
-    fn refined(&self, line: Line) -> Line {
-        if matches!(self.settings.choice, SwivelChoice::Fixed(_)) { line } else { self.smooth(line) }
+    /// The line on the grid, closed where it has to be. `None` when the caller stops it, `None` inside when no line closes.
+    fn searched(&self, progress: &mut dyn FnMut(f64) -> bool) -> Option<Option<Line>> {
+        if self.settings.cyclic {
+            self.search_closed(progress)
+        } else {
+            self.search(None, progress).map(Some)
+        }
+    }
+
+    /// The same problem on every `stride`-th point and the last one.
+    fn thinned(&self, stride: usize) -> Self {
+        let n = self.circles.len();
+        let mut kept: Vec<usize> = (0..n).step_by(stride).collect();
+        if kept.last() != Some(&(n - 1)) {
+            kept.push(n - 1);
+        }
+        let parts = kept.windows(2).map(|w| self.parts[w[0]..w[1]].iter().sum()).collect();
+        let steps = kept.windows(2).map(|w| {
+            let sum = |i: usize| self.steps[w[0]..w[1]].iter().map(|step| step[i]).sum::<f64>();
+            std::array::from_fn(|i| sum(i).min(JOINT_JUMP))
+        });
+        let obstacles = self.obstacles.as_ref().map(|o| Obstacles {
+            arm: o.arm.clone(),
+            scenes: if o.scenes.len() > 1 {
+                kept.iter().map(|k| o.scenes[*k].clone()).collect()
+            } else {
+                o.scenes.clone()
+            },
+            over: kept.iter().map(|k| o.over[*k].clone()).collect(),
+        });
+        Self {
+            arm: self.arm,
+            settings: self.settings,
+            circles: kept.iter().map(|k| self.circles[*k].clone()).collect(),
+            lower: self.lower,
+            upper: self.upper,
+            parts,
+            steps: steps.collect(),
+            windings: Windings::new(&self.lower, &self.upper),
+            branches: self.branches.clone(),
+            obstacles,
+            dexterity: self.dexterity.clone(),
+            points: kept.iter().map(|k| self.points[*k]).collect(),
+        }
+    }
+
+    /// A line on thinned points as one on all points, with the swivel linear in between; `None` where that breaks a limit
+    /// or touches an obstacle.
+    fn spread(&self, thin: &Line, stride: usize) -> Option<Line> {
+        let n = self.circles.len();
+        let (mut swivel, mut branch) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for k in 0..n {
+            let (at, last) = (k / stride, (k / stride + 1).min(thin.swivel.len() - 1));
+            let length = if (at + 1) * stride < n { stride } else { (n - 1 - at * stride).max(1) };
+            let share = (k - at * stride) as f64 / length as f64;
+            swivel.push(thin.swivel[at] + share * (thin.swivel[last] - thin.swivel[at]));
+            branch.push(thin.branch[at]);
+        }
+        let q = self.along(&swivel, &branch, &thin.q[0])?;
+        Some(Line { branch, swivel, q, reconfigurations: Vec::new(), cost: thin.cost })
+    }
+
+    /// The joint positions along swivels, unwound from `first` on; `None` where they break a limit, step too far or
+    /// touch an obstacle.
+    fn along(&self, swivel: &[f64], branch: &[usize], first: &[f64; 7]) -> Option<Vec<[f64; 7]>> {
+        let all: Vec<Option<[f64; 7]>> = swivel
+            .par_iter()
+            .enumerate()
+            .map_init(
+                || Scratch::new(self.arm.chain()),
+                |scratch, (k, s)| {
+                    let q = self.circles[k].branch_of(*s, branch[k]);
+                    (self.distance(k, *s, branch[k], &q, scratch) > 0.0).then_some(q)
+                },
+            )
+            .collect();
+        let mut before = *first;
+        let mut rows = Vec::with_capacity(all.len());
+        for (k, q) in all.into_iter().enumerate() {
+            let q = q?;
+            let q: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((before[i] - q[i]) / TAU).round());
+            let fits = (0..7).all(|i| {
+                let step = k == 0 || (q[i] - before[i]).abs() <= self.steps[k - 1][i];
+                step && q[i] >= self.lower[i] && q[i] <= self.upper[i]
+            });
+            if !fits {
+                return None;
+            }
+            rows.push(q);
+            before = q;
+        }
+        Some(rows)
+    }
+
+    /// Distance from the obstacles of one branch.
+    fn distance(&self, k: usize, s: f64, branch: usize, q: &[f64; 7], scratch: &mut Scratch) -> f64 {
+        let _ = branch;
+        match &self.obstacles {
+            None => f64::INFINITY,
+            Some(o) => o.arm.of_one(&self.circles[k], o.over[k].as_ref(), o.scene(k), s, q, scratch),
+        }
+    }
+
+    /// Cost of a point at a swivel; `None` where it breaks a limit or touches an obstacle.
+    fn point_cost(
+        &self,
+        k: usize,
+        s: f64,
+        branch: usize,
+        near: &[f64; 7],
+        scratch: &mut Scratch,
+    ) -> Option<f64> {
+        let q = self.circles[k].branch_of(s, branch);
+        let q: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((near[i] - q[i]) / TAU).round());
+        if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
+            return None;
+        }
+        let place = self.place_cost(&q, self.distance(k, s, branch, &q, scratch), scratch)?;
+        Some(self.node_cost(k, &q, s, place))
+    }
+
+    /// Total cost of a line.
+    fn cost_of(&self, swivel: &[f64], branch: &[usize], q: &[[f64; 7]]) -> f64 {
+        let init = || Scratch::new(self.arm.chain());
+        let points: Vec<f64> = (0..q.len())
+            .into_par_iter()
+            .map_init(init, |scratch, k| {
+                let place =
+                    self.place_cost(&q[k], self.distance(k, swivel[k], branch[k], &q[k], scratch), scratch);
+                place.map_or(f64::INFINITY, |place| self.node_cost(k, &q[k], swivel[k], place))
+            })
+            .collect();
+        // In order, so that the sum does not depend on the threads.
+        let mut total: f64 = points.iter().sum();
+        for k in 1..q.len() {
+            total += self.step_cost(k - 1, &q[k - 1], &q[k]).unwrap_or(f64::INFINITY);
+        }
+        if self.settings.acceleration_weight > 0.0 {
+            for k in 1..q.len() - 1 {
+                let (a, b) = (1.0 / self.parts[k - 1], 1.0 / self.parts[k]);
+                let share = 0.5 * (self.parts[k - 1] + self.parts[k]);
+                let square: f64 =
+                    (0..7).map(|i| ((q[k + 1][i] - q[k][i]) * b - (q[k][i] - q[k - 1][i]) * a).powi(2)).sum();
+                total += self.settings.acceleration_weight * square / share;
+            }
+        }
+        total
+    }
+
+    /// Newton's method on all swivels at once: exact in the motion terms to first order of the curves, differences in
+    /// the cost of points. Neighbours couple only, so a step is one banded system. The ends of a closed line stay.
+    fn polish(&self, mut line: Line) -> Line {
+        let n = line.q.len();
+        if n < 2 || !line.reconfigurations.is_empty() {
+            return line;
+        }
+        let ring = self.settings.cyclic;
+        let trust = TAU / self.settings.swivels as f64;
+        let (w, wa) = (self.settings.motion_weight, self.settings.acceleration_weight);
+        let mut cost = self.cost_of(&line.swivel, &line.branch, &line.q);
+        for _ in 0..POLISH_STEPS {
+            let h = POLISH_DIFFERENCE;
+            let init = || Scratch::new(self.arm.chain());
+            let local: Vec<([f64; 7], f64, f64)> = (0..n)
+                .into_par_iter()
+                .map_init(init, |scratch, k| {
+                    let (s, b, q) = (line.swivel[k], line.branch[k], &line.q[k]);
+                    let rates = self.circles[k].tangent_of(s, b);
+                    let [m, o, p] = [s - h, s, s + h].map(|s| self.point_cost(k, s, b, q, scratch));
+                    let (slope, bend) = match (m, o, p) {
+                        (Some(m), Some(o), Some(p)) => {
+                            ((p - m) / (2.0 * h), ((p - 2.0 * o + m) / (h * h)).max(0.0))
+                        }
+                        (Some(m), Some(o), None) => ((o - m) / h, 0.0),
+                        (None, Some(o), Some(p)) => ((p - o) / h, 0.0),
+                        _ => (0.0, 0.0),
+                    };
+                    (rates, slope, bend)
+                })
+                .collect();
+            // Lower half of the matrix by diagonals, and the right side.
+            let mut band = vec![[0.0; 3]; n];
+            let mut step = vec![0.0; n];
+            for (k, (_, slope, bend)) in local.iter().enumerate() {
+                band[k][0] += bend;
+                step[k] -= slope;
+            }
+            let dot = |a: &[f64; 7], b: &[f64; 7]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            for k in 1..n {
+                let c = 2.0 * w / self.parts[k - 1];
+                let (a, b) = (&local[k - 1].0, &local[k].0);
+                let d: [f64; 7] = std::array::from_fn(|i| line.q[k][i] - line.q[k - 1][i]);
+                band[k - 1][0] += c * dot(a, a);
+                band[k][0] += c * dot(b, b);
+                band[k][1] -= c * dot(a, b);
+                step[k] -= c * dot(b, &d);
+                step[k - 1] += c * dot(a, &d);
+            }
+            if wa > 0.0 {
+                for k in 1..n - 1 {
+                    let (a, b) = (1.0 / self.parts[k - 1], 1.0 / self.parts[k]);
+                    let c = 2.0 * wa / (0.5 * (self.parts[k - 1] + self.parts[k]));
+                    let d: [f64; 7] = std::array::from_fn(|i| {
+                        (line.q[k + 1][i] - line.q[k][i]) * b - (line.q[k][i] - line.q[k - 1][i]) * a
+                    });
+                    let factors = [a, -(a + b), b];
+                    for i in 0..3 {
+                        let left = &local[k - 1 + i].0;
+                        step[k - 1 + i] -= c * factors[i] * dot(left, &d);
+                        for j in 0..=i {
+                            band[k - 1 + i][i - j] +=
+                                c * factors[i] * factors[j] * dot(left, &local[k - 1 + j].0);
+                        }
+                    }
+                }
+            }
+            if ring {
+                for k in [0, n - 1] {
+                    band[k] = [1.0, 0.0, 0.0];
+                    step[k] = 0.0;
+                }
+                for (k, diagonal) in [(1, 1), (2, 2)] {
+                    if k < n {
+                        band[k][diagonal] = 0.0;
+                    }
+                }
+            }
+            solve_banded(&mut band, &mut step);
+            let largest = step.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+            if largest.is_nan() || largest < TUBE_SPACING * 1e-3 {
+                break;
+            }
+            let mut share = (trust / largest).min(1.0);
+            let mut found = false;
+            for _ in 0..8 {
+                let swivel: Vec<f64> = line.swivel.iter().zip(&step).map(|(s, d)| s + share * d).collect();
+                if let Some(q) = self.along(&swivel, &line.branch, &line.q[0]) {
+                    let next = self.cost_of(&swivel, &line.branch, &q);
+                    if next < cost {
+                        found = cost - next > POLISH_GAIN * cost.abs();
+                        (line.swivel, line.q, cost) = (swivel, q, next);
+                        break;
+                    }
+                }
+                share *= 0.35;
+            }
+            if !found {
+                break;
+            }
+        }
+        if ring {
+            line.q[n - 1] = line.q[0];
+        }
+        line
     }
 
     /// Offers `node` at point `k + 1` all windings of `source` at point `k`.

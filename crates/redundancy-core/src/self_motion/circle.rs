@@ -122,6 +122,18 @@ impl SelfMotion {
         self.circle.branch(&self.arm.inner.geometry, u, branch)
     }
 
+    /// One branch at swivel `s`, principal values.
+    pub(crate) fn branch_of(&self, s: f64, branch: usize) -> [f64; 7] {
+        let (sin, cos) = s.sin_cos();
+        self.branch_at([cos, sin], branch)
+    }
+
+    /// Rates `dq/ds` of one branch at swivel `s`.
+    pub(crate) fn tangent_of(&self, s: f64, branch: usize) -> [f64; 7] {
+        let (sin, cos) = s.sin_cos();
+        self.circle.tangent(&self.arm.inner.geometry, [cos, sin], branch)
+    }
+
     /// True where the wrist is in reach of the shoulder.
     pub(crate) fn in_reach(&self) -> bool {
         self.reach == Reach::Inside
