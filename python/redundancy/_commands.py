@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import plot
+from redundancy import _paint, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -66,7 +66,7 @@ def run(arguments: list[str] | None = None) -> int:
         app(args=arguments, prog_name="redundancy")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else DONE
-    except CannotFollowError as error:
+    except (CannotFollowError, rd.CannotFollowError) as error:
         return _fail(CANNOT_FOLLOW, f"cannot be followed: {error}")
     except (rd.RedundancyError, OSError) as error:
         return _fail(BAD_INPUT, str(error))
@@ -532,6 +532,129 @@ def _progress(points: int) -> AbstractContextManager[Progress]:
     return Progress(*columns, console=_err, transient=True, disable=points < _LONG or not _err.is_terminal)
 
 
+# --- paint ------------------------------------------------------------------------------------------------
+
+
+@app.command()
+def paint(
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    path: Annotated[
+        File, typer.Option(help="CSV: x,y,z (m); qw,qx,qy,qz where the tool is not to point down.")
+    ],
+    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
+    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_paint.RULES)}.")] = "all",
+    plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
+    half_angle: Annotated[
+        float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
+    ] = 20.0,
+    angle: Annotated[float, typer.Option(help="Largest lean of the tilt rules, degrees.")] = 10.0,
+    spin: Annotated[
+        str, typer.Option(help="Spin of the plan: free, or the largest angle in degrees.")
+    ] = "free",
+    torque_limits: Annotated[str, typer.Option(help="chain, off, or N m with commas.")] = "chain",
+    torque_margin: Annotated[float, typer.Option(help="Part of the torque limits kept free, percent.")] = 0.0,
+    velocity_limits: Annotated[str, typer.Option(help="off, chain, or deg/s with commas.")] = "off",
+    joint_limits: Annotated[bool, typer.Option(help="Whether the position limits hold.")] = True,
+    max_rate: Annotated[float | None, typer.Option(help="Plan: fastest turn of the tool, deg/s.")] = None,
+    time_limit: Annotated[float, typer.Option(help="Plan: seconds until the best so far is taken.")] = 60.0,
+    plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs and the report.")] = True,
+) -> None:
+    """How fast can the gun paint: constant orientation, the rules of the papers, a plan for the whole path.
+
+    Prints the highest constant speed of each, and writes the fastest (the plan, where one is asked for):
+    trajectory.csv, trajectory.json, summary.json, PNGs, and report.html, which opens without a network.
+    Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
+
+    Example:  redundancy paint --robot puma560 --tool -0.15,0,0.4 --path path.csv --out run/
+    Example:  redundancy paint --robot puma560 --tool -0.15,0,0.4 --path path.csv --plan --half-angle 20 --out run/
+    """
+    chain = load_robot(robot, base, tip)
+    pose = np.eye(4)
+    pose[:3, 3] = _numbers(tool, "--tool", 3)
+    joints = chain.dof
+    torques: Any = torque_limits if torque_limits == "chain" else None
+    if torque_limits not in {"chain", "off"}:
+        torques = _numbers(torque_limits, "--torque-limits", joints)
+    speeds: Any = velocity_limits if velocity_limits == "chain" else None
+    if velocity_limits not in {"chain", "off"}:
+        speeds = np.deg2rad(_numbers(velocity_limits, "--velocity-limits", joints))
+    if not 0.0 <= torque_margin < 100.0:
+        raise rd.RedundancyError(f"--torque-margin is {torque_margin}, it must be in [0, 100) percent")
+    paint_job(
+        _paint.Job(
+            chain.with_tool(pose) if tool != "0,0,0" else chain,
+            robot,
+            path,
+            out,
+            _rules(rule),
+            float(np.deg2rad(angle)),
+            float(np.deg2rad(half_angle)),
+            "free" if spin == "free" else float(np.deg2rad(_numbers(spin, "--spin", 1)[0])),
+            plan,
+            torques,
+            torque_margin / 100.0,
+            speeds,
+            joint_limits,
+            None if max_rate is None else float(np.deg2rad(max_rate)),
+            time_limit,
+            plots,
+        )
+    )
+
+
+def paint_job(job: _paint.Job) -> None:
+    """Run one job of `paint`, with a bar while it plans, and print its table."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    bar = Progress(*columns, console=_err, transient=True, disable=not (job.plan and _err.is_terminal))
+    with bar as progress:
+        task = progress.add_task("planning", total=1.0)
+
+        def show(share: float, speed: float) -> None:
+            progress.update(task, completed=share, description=f"planning, {speed:.3f} m/s")
+
+        job.progress = show
+        try:
+            written = job.run()
+        except KeyboardInterrupt as error:
+            raise StoppedError from error
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in _paint.HEADER:
+        table.add_column(
+            title, overflow="fold", justify="right" if title in {"speed (m/s)", "gain"} else "left"
+        )
+    for choice in job.choices:
+        table.add_row(*(escape(cell) for cell in _paint.cells(choice)))
+    console = _out if _out.is_terminal else Console(width=160, highlight=False)
+    console.print(table)
+    _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)
+
+
+def _rules(text: str) -> tuple[str, ...]:
+    if text == "all":
+        return _paint.RULES
+    names = tuple(name.strip() for name in text.split(","))
+    for name in names:
+        if name not in _paint.RULES:
+            raise rd.RedundancyError(
+                f"--rule has '{name}', expected all or some of: {', '.join(_paint.RULES)}"
+            )
+    # The gain is over a constant orientation, so that is measured first, always.
+    return ("constant", *(name for name in names if name != "constant"))
+
+
+def _numbers(text: str, option: str, count: int) -> NDArray[np.float64]:
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.array([])
+    if len(values) != count or not np.isfinite(values).all():
+        raise rd.RedundancyError(f"{option} is '{text}', it must be {count} numbers with commas")
+    return values
+
+
 # --- demo -------------------------------------------------------------------------------------------------
 
 
@@ -540,9 +663,9 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Two arms follow built-in paths of 1 000 points: the PA10, an iiwa from a URDF; then the PA10 around a ball.
+    """Two arms follow built-in paths of 1 000 points, one of them again around a ball, and a PUMA 560 paints.
 
-    Writes the paths too, and prints the `track` command that does the same.
+    Writes the paths too, and prints the commands that do the same.
 
     Example:  redundancy demo --out demo/
     """
@@ -567,6 +690,25 @@ def demo(
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
     Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
     _out.print()
+    file = out / "paint_path.csv"
+    demo_spray().to_csv(file)
+    command = f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4"
+    command += f" --out {out / 'paint'}"
+    _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
+    tool = np.eye(4)
+    tool[:3, 3] = (-0.15, 0.0, 0.4)
+    gun = rd.catalog.load("puma560").with_tool(tool)
+    angles = (float(np.deg2rad(10.0)), float(np.deg2rad(20.0)))
+    paint_job(
+        _paint.Job(
+            gun, "puma560", file, out / "paint", _paint.RULES, *angles, plan=True, time_limit=4.0, plots=plots
+        )
+    )
+
+
+def demo_spray() -> rd.Path:
+    """Three strokes of the papers' experiment, REF-B of docs/painting.md."""
+    return rd.paths.raster((0.44, -0.25, -0.3), 0.5, 0.21, 3, corner=0.17912615734826384)
 
 
 def demo_raster() -> rd.Path:

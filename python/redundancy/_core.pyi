@@ -21,6 +21,7 @@ class DescriptionError(RedundancyError): ...
 class NotSrsError(RedundancyError): ...
 class NotSphericalWristError(RedundancyError): ...
 class FileFormatError(RedundancyError): ...
+class CannotFollowError(RedundancyError): ...
 
 # chain, kinematics
 
@@ -985,6 +986,147 @@ class SolveBatch:
 # ik
 
 @final
+class IkSolver:
+    """From poses to configurations: any chain, joint limits held, a real tolerance.
+
+    `hybrid` uses the closed form where the arm has one (`SphericalWristArm`, `SrsArm`), else ranked starts and
+    Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
+
+    Args:
+        chain: The arm.
+        method: `"hybrid"`, or `"newton"`: Levenberg-Marquardt from `q0`, then from random starts.
+        task: Which coordinates count: a name or a `Task`; `"pose"` when left out.
+        tol_position: Largest distance from the target that counts as reached, m.
+        tol_orientation: Largest angle from the target that counts as reached, rad.
+        max_iterations: Most iterations over all starts.
+        restarts: Most starts after the first.
+        criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
+            closed form to the best value over all configurations.
+        orientation_set: `Cone` or `QuaternionVolume` of orientations that count as reached, instead of the target's.
+        closed_form: Whether the closed form is used where the arm has one.
+        time_limit: Seconds after which the best configuration so far is returned.
+
+    Raises:
+        RedundancyError: A setting out of its range, by name.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("panda")
+        >>> ik = rd.IkSolver(chain)
+        >>> result = ik.solve(chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9]))
+        >>> str(result.status), result.position_error <= 1e-6
+        ('converged', True)
+    """
+
+    def __new__(
+        cls,
+        chain: Chain,
+        method: Literal["hybrid", "newton"] = "hybrid",
+        task: str | Task | None = None,
+        tol_position: float = 1e-6,
+        tol_orientation: float = 1e-6,
+        max_iterations: int | None = None,
+        restarts: int | None = None,
+        criterion: Criterion | None = None,
+        orientation_set: Cone | QuaternionVolume | None = None,
+        closed_form: bool = True,
+        *,
+        time_limit: float | None = None,
+    ) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain."""
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+    @property
+    def task(self) -> Task:
+        """Which coordinates count."""
+    @property
+    def closed_form(self) -> str | None:
+        """`"srs"`, `"spherical_wrist"` or `None`: the closed form in use."""
+    def solve(self, pose: Any, q0: ArrayLike | None = None, seed: int = 0) -> IkResult:
+        """A configuration over a pose.
+
+        Args:
+            pose: `(4, 4)` or SE3-like; `(2,)` for `planar`, `(3,)` for `position` and `planar_pose` (x, y, angle).
+            q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
+            seed: Decides the random starts, if it comes to those. The same seed, the same bits.
+
+        Raises:
+            RedundancyError: A pose that is not rigid (with the measured error), wrong shapes, numbers that are not
+                finite.
+        """
+    def solve_batch(
+        self, poses: Any, q0: ArrayLike | None = None, seed: int = 0, *, threads: int | None = None
+    ) -> IkBatch:
+        """`solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
+
+        Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+        """
+    @staticmethod
+    def _restore(chain: Chain, options: dict[str, Any]) -> IkSolver: ...
+
+@final
+class IkResult:
+    """The answer over one pose."""
+
+    def __new__(
+        cls, q: ArrayLike, status: str, iterations: int, position_error: float, orientation_error: float
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions `(n,)` within the limits; the best found where the status is not `converged`. A copy."""
+    @property
+    def status(self) -> Status:
+        """What came out.
+
+        `converged`, `unreachable` (every start ended stationary above the tolerance; exact from a closed form),
+        `limits` (in reach, but only outside of the joint limits), `iteration_limit`, `time_limit`.
+        """
+    @property
+    def reason(self) -> str:
+        """What the status means here, with the numbers; empty when converged."""
+    @property
+    def iterations(self) -> int:
+        """Iterations over all starts; 0 from a closed form."""
+    @property
+    def position_error(self) -> float:
+        """Distance from the target, m, of what counts of it: measured by forward kinematics on `q`."""
+    @property
+    def orientation_error(self) -> float:
+        """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+
+@final
+class IkBatch:
+    """The answers over many poses; row i is that over pose i."""
+
+    def __new__(
+        cls,
+        q: NDArray[np.float64],
+        status: NDArray[Any],
+        iterations: NDArray[np.uint32],
+        position_error: NDArray[np.float64],
+        orientation_error: NDArray[np.float64],
+    ) -> Self: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`, within the limits."""
+    @property
+    def status(self) -> NDArray[Any]:
+        """`(N,)`, an object array of `Status`."""
+    @property
+    def iterations(self) -> NDArray[np.uint32]:
+        """`(N,)`."""
+    @property
+    def position_error(self) -> NDArray[np.float64]:
+        """`(N,)`, m."""
+    @property
+    def orientation_error(self) -> NDArray[np.float64]:
+        """`(N,)`, rad."""
+    def __len__(self) -> int: ...
+
+@final
 class SphericalWristArm:
     """A six-joint arm with a spherical wrist and its closed-form inverse kinematics: PUMA, ABB, KUKA, Fanuc, Staubli.
 
@@ -1394,6 +1536,114 @@ def fastest_profile(
 
     Raises:
         RedundancyError: As `max_speed`; a speed at an end that cannot be held.
+    """
+
+@final
+class OrientationPlan(Trajectory):
+    """A trajectory at constant tool speed with tilt and spin of the tool, one row per entry of `s`."""
+
+    @property
+    def speed(self) -> float:
+        """Constant tool speed, m/s, verified at every row; 0 without a plan."""
+    @property
+    def constant_speed(self) -> float | None:
+        """The same for the path's own orientation on the fastest branch, where it can be followed."""
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """Arc lengths `(N,)`, m, at most 0.4 mm apart."""
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Tool poses `(N, 4, 4)`."""
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """Joint torques `(N, n)` at `speed`, N m."""
+    @property
+    def tilt(self) -> NDArray[np.float64]:
+        """Tilt `(N, 2)`: rotation vector in the path's frame, its norm is the angle, rad."""
+    @property
+    def spin(self) -> NDArray[np.float64]:
+        """Spin about the tool axis `(N,)`, rad, from the path's orientation, unwound."""
+    @property
+    def status(self) -> Status:
+        """`converged`; `time_limit` or `cancelled` (the best so far); `unreachable` or `infeasible` (no rows)."""
+    @property
+    def reason(self) -> str:
+        """Why it is not `converged`; empty when it is."""
+    @property
+    def limiting_joint(self) -> int | None:
+        """Index of the joint that allows no more; `None` where it is the rate of the orientation."""
+    @property
+    def limiting_joint_name(self) -> str | None:
+        """Its name."""
+    @property
+    def limit(self) -> str:
+        """`"torque"` or `"velocity"`."""
+    @property
+    def at(self) -> int:
+        """The row where that happens."""
+    @property
+    def blocked(self) -> list[int]:
+        """Path points that no configuration reaches, for status `unreachable`."""
+    @property
+    def starts(self) -> int:
+        """Starts that could be followed."""
+    @property
+    def steps(self) -> int:
+        """Convex programs solved."""
+    @staticmethod
+    def _from_parts(
+        words: tuple[str, str, list[str]],
+        speed: float,
+        constant_speed: float | None,
+        rows: tuple[Any, ...],
+        counts: tuple[int, bool, int, int, int],
+        blocked: list[int],
+    ) -> OrientationPlan: ...
+
+def plan_orientation(
+    chain: Chain,
+    path: Path,
+    half_angle: float,
+    spin: Literal["free"] | float = ...,
+    tool: _Pose | None = None,
+    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    torque_margin: float = 0.0,
+    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    joint_limits: bool = True,
+    max_rate: float | None = None,
+    time_limit: float = 60.0,
+    threads: int | None = None,
+    *,
+    orientation: ArrayLike | None = None,
+    gravity: Sequence[float] = ...,
+    progress: Callable[[float, float], object] | None = None,
+) -> OrientationPlan:
+    """Plan tilt and spin of the tool along a whole path for the highest constant tool speed.
+
+    Quintic splines of tilt and spin, sequential convex programming from many starts, verified on a grid at least five
+    times finer. A local optimum: a lower bound of what is possible.
+
+    Args:
+        chain: The arm, six or seven joints, with inertias.
+        path: The cone stands on its orientations; a path of positions has the tool axis down, or `orientation`.
+        half_angle: Largest tilt, rad, in [0, pi/2).
+        spin: `"free"`, or the largest angle about the tool axis from the path's orientation, rad.
+        tool: Pose of the tool in the last link, instead of the chain's.
+        torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+        torque_margin: Share of the torque limits that is kept free.
+        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        joint_limits: Whether the position limits hold.
+        max_rate: Largest rate of the tool's orientation, rad/s.
+        time_limit: Seconds after which the best plan so far is returned.
+        threads: Threads; all cores when left out.
+        orientation: `(3, 3)` for the whole path, instead of its own.
+        gravity: m/s^2, world axes.
+        progress: Called about 20 times a second with the share of the time and the highest speed so far (m/s).
+
+    Ctrl-C ends the search: the best plan so far is returned with status `cancelled`.
+
+    Raises:
+        RedundancyError: A setting out of its range, no inertias, no length, another number of joints.
     """
 
 # rotation
@@ -1964,7 +2214,7 @@ class CofactorCondition:
 
     @property
     def condition(self) -> float:
-        """The paper's A: negative at a maximum, positive at a minimum, `det(J J^T)` times the eigenvalue of `classify`."""
+        """The paper's A, `det(J J^T)` times the eigenvalue of `classify`: negative at a maximum."""
 
 def cofactor_condition(
     chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None
@@ -1980,4 +2230,387 @@ def cofactor_condition(
         >>> p1 = [math.radians(x) for x in (-87.1742, 111.7847, 77.5352)]
         >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").condition)
         -4861
+    """
+
+@final
+class SelfMotionCurve:
+    """A curve of configurations with one task value, by continuation. Pickles.
+
+    The parameter s is the length of the curve in joint space from the first row.
+    """
+
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`: joint configurations that change continuously: not wound back into their limits on the way.
+
+        On a closed curve the last row is the first one plus whole turns.
+        """
+
+    @property
+    def tangents(self) -> NDArray[np.float64]:
+        """`(N, n)`: unit tangents, in the kernel of the task Jacobian."""
+
+    @property
+    def s(self) -> NDArray[np.float64]:
+        """`(N,)`: parameter of the rows, rad (m for sliding joints)."""
+
+    @property
+    def length(self) -> float:
+        """Length of the curve."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it returns to its start, modulo whole turns of revolute joints."""
+
+    @property
+    def status(self) -> Status:
+        """`converged` (closed), `singular` (ends at kinematic singularities) or `iteration_limit` (`max_rows`)."""
+
+    @property
+    def events(self) -> list[Event]:
+        """Joint limits that are met and ends at kinematic singularities, in the order of s; `t` is s here."""
+
+    def at(self, s: float | ArrayLike) -> Any:
+        """The configuration `(n,)` or `(N, n)` at `s`, exactly on the curve; a closed curve goes on from its start.
+
+        Raises:
+            RedundancyError: a parameter that is not finite, or beyond the ends of an open curve.
+        """
+
+    def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
+        """Arcs `(k, 2)` of s on which all joint limits hold in some winding, with `margin` from each.
+
+        An arc through the start of a closed curve ends above its length: s is inside an arc `[lo, hi]` when
+        `(s - lo) mod length <= hi - lo`.
+
+        Raises:
+            RedundancyError: a margin that is negative or not finite.
+        """
+
+    def __len__(self) -> int: ...
+    @classmethod
+    def _from_parts(
+        cls,
+        chain: Chain,
+        task: Task,
+        target: _Pose,
+        s: ArrayLike,
+        q: ArrayLike,
+        tangents: ArrayLike,
+        status: str,
+        ends: list[Event],
+    ) -> SelfMotionCurve: ...
+
+def trace_self_motion(
+    chain: Chain,
+    q: ArrayLike,
+    task: str | Task | None = None,
+    *,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> SelfMotionCurve:
+    """The self-motion through `q`: all configurations with the same task value that can be reached from it.
+
+    By predictor and corrector, for any chain with one spare freedom under the task. Passes folds; ends where the curve
+    closes or at kinematic singularities (then both directions are followed).
+
+    Args:
+        chain: The arm.
+        q: `(n,)`.
+        task: What is held; default the pose.
+        step: Largest joint step between rows; default 0.01.
+        max_rows: Rows after which the curve is given up; default 200 000.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, not exactly one spare freedom, invalid settings.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("panda")
+        >>> curve = rd.trace_self_motion(arm, [0.1, 0.4, -0.2, -1.9, 0.3, 1.7, 0.5])
+        >>> curve.closed, curve.q.shape[1]
+        (True, 7)
+    """
+
+def self_motion_curves(
+    chain: Chain,
+    pose: Any,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int = 100,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> list[SelfMotionCurve]:
+    """Every self-motion curve found over `pose`.
+
+    On S-R-S arms the circles of the closed form: all there are. On other arms curves through the configurations that
+    Newton's method finds from random starts. Arguments as of `trace_self_motion` and `constrained_optima`.
+
+    Raises:
+        RedundancyError: an invalid pose, not exactly one spare freedom, invalid settings.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> [curve.closed for curve in rd.self_motion_curves(arm, [2, 0], task="planar")]
+        [True]
+    """
+
+def self_motion_patch(
+    chain: Chain, q: ArrayLike, task: str | Task | None = None, *, spacing: float = 0.05, steps: int = 10
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A sampled patch of a self-motion of two dimensions around `q`.
+
+    Args:
+        chain: The arm; the task leaves two freedoms.
+        q: `(n,)`, the middle of the patch.
+        task: What is held; default the pose.
+        spacing: Distance of neighbours along the two null directions of `q`, in (0, 0.5].
+        steps: Points on each side of the middle, at most 500.
+
+    Returns:
+        Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; those that were not repeat `q`.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, not exactly two spare freedoms, invalid settings.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar4r")
+        >>> q, valid = rd.self_motion_patch(arm, [0.2, 0.5, 0.7, 0.9], task="planar", steps=2)
+        >>> q.shape, bool(valid.all())
+        ((5, 5, 4), True)
+    """
+
+@final
+class FollowedOptimum(Trajectory):
+    """A critical point followed along a path: a trajectory with one row per path point up to its stop. Pickles.
+
+    The last event of one that stopped is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is the
+    path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints leave
+    their limits or return.
+    """
+
+    @property
+    def kind(self) -> Kind:
+        """What the critical point is; the same all along."""
+
+    @property
+    def completed(self) -> bool:
+        """Whether the path was finished."""
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """`(N,)`: the criterion at each row."""
+
+    @property
+    def sigma_min(self) -> NDArray[np.float64]:
+        """`(N,)`: smallest singular value of the task Jacobian at each row."""
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """`(N, r)`: eigenvalues of the reduced Hessian at each row, ascending."""
+
+    @property
+    def stop_q(self) -> NDArray[np.float64] | None:
+        """`(n,)`: configuration at which it stopped."""
+
+    @property
+    def stop_s(self) -> float | None:
+        """Arc length at which it stopped, m."""
+
+    @classmethod
+    def _from_parts(
+        cls,
+        trajectory: Trajectory,
+        parts: tuple[str, list[float], list[float], list[float], tuple[float, list[float]] | None],
+    ) -> FollowedOptimum: ...
+
+def follow_optimum(
+    chain: Chain,
+    path: Path,
+    q0: ArrayLike,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    step: float | None = None,
+) -> FollowedOptimum:
+    """Follows the critical point of `criterion` next to `q0` along `path`: the extended Jacobian, exactly.
+
+    Every row lies on the path and on the critical locus to rounding, so closed paths are closed in the joints. It stops
+    where the critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses
+    rank (kinematic singularity), and never jumps across.
+
+    Args:
+        chain: The arm.
+        path: What the tool does; without orientations for `position` and `planar`.
+        q0: `(n,)`: a critical point over the path's start, to about 0.02 rad; see `constrained_optima`.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        step: Largest step in the joints, from 1e-4 to 0.5; default 0.05.
+
+    Raises:
+        RedundancyError: a `q0` that is no critical point over the start, a path without the orientations that the
+            task needs, a task that leaves no spare freedom, invalid settings.
+
+    Example:
+        >>> import math, redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> h = rd.Manipulability(arm, task="planar")
+        >>> circle = rd.paths.circle((3.5, 0, 0), 1.5, start=math.pi, n=51)
+        >>> q0 = rd.constrained_optima(arm, [2, 0], h, task="planar")[0].q
+        >>> rd.follow_optimum(arm, circle, q0, h, task="planar").completed
+        True
+    """
+
+@final
+class RankedStart:
+    """A critical point at a path's start, and how far it can be followed. Pickles."""
+
+    def __new__(cls, point: CriticalPoint, trajectory: FollowedOptimum) -> RankedStart: ...
+    @property
+    def point(self) -> CriticalPoint:
+        """The critical point."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(n,)`: its configuration."""
+
+    @property
+    def value(self) -> float:
+        """h(q)."""
+
+    @property
+    def kind(self) -> Kind:
+        """What it is."""
+
+    @property
+    def completed(self) -> bool:
+        """Whether the path is finished from here."""
+
+    @property
+    def trajectory(self) -> FollowedOptimum:
+        """What following it gave."""
+
+def rank_starts(
+    chain: Chain,
+    path: Path,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int | None = None,
+    step: float | None = None,
+    threads: int | None = None,
+) -> list[RankedStart]:
+    """Follows every critical point over the start of `path`.
+
+    Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
+    those that stop come after, the furthest first.
+
+    Args:
+        chain: The arm.
+        path: What the tool does.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        seed: As of `constrained_optima`.
+        starts: As of `constrained_optima`.
+        step: As of `follow_optimum`.
+        threads: Number of threads; None: all cores.
+
+    Raises:
+        RedundancyError: as `constrained_optima` and `follow_optimum`.
+
+    Example:
+        >>> import math, redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> circle = rd.paths.circle((3.5, 0, 0), 1.5, start=math.pi, n=51)
+        >>> ranked = rd.rank_starts(arm, circle, rd.Manipulability(arm, task="planar"), task="planar")
+        >>> [start.completed for start in ranked[:3]]
+        [True, True, False]
+    """
+
+@final
+class SingularPoint:
+    """A configuration at which a critical point vanishes: an algorithmic singularity. Pickles."""
+
+    def __new__(
+        cls,
+        q: Sequence[float],
+        position: Sequence[float],
+        residual: float,
+        first_joint_free: bool,
+        dimension: int,
+    ) -> SingularPoint: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(n,)`: configuration; the first joint is zero where it is free."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """`(3,)`: where the tool is, m."""
+
+    @property
+    def residual(self) -> float:
+        """What is left of `mu = 0` and of the least eigenvalue, relative to gradient and curvature of the criterion."""
+
+    @property
+    def first_joint_free(self) -> bool:
+        """Whether every value of the first joint gives a singular point."""
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of the set it belongs to (without a free first joint): 0 for isolated points, else a sample."""
+
+def algorithmic_singularities(
+    chain: Chain,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    seed: int = 0,
+    starts: int | None = None,
+    threads: int | None = None,
+) -> list[SingularPoint]:
+    """Where critical points of `criterion` vanish, for any value of the task.
+
+    The equations `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do
+    not depend on the first joint the points are isolated, each a circle about the base; else they are samples.
+
+    Args:
+        chain: The arm.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        seed: Of the random starts.
+        starts: Number of random starts; default 2000.
+        threads: Number of threads; None: all cores. The result does not depend on it.
+
+    Raises:
+        RedundancyError: a task that leaves no spare freedom, settings out of range.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> len(rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar"))
+        10
+    """
+
+def singularity_distance(chain: Chain, q: ArrayLike, points: list[SingularPoint]) -> Any:
+    """Distance in joint space of `q` `(n,)` or `(N, n)` from the nearest of `points`, revolute joints the short way.
+
+    The first joint is left out where it is free for all points.
+
+    Raises:
+        RedundancyError: no points, a wrong length, entries that are not finite.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> points = rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar")
+        >>> round(rd.singularity_distance(arm, points[0].q + [1.0, 0.01, 0.0], points), 12)
+        0.01
     """

@@ -8,6 +8,7 @@ mod chain;
 mod chain_catalog;
 mod chain_urdf;
 mod criterion;
+mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod kinematics;

@@ -373,7 +373,8 @@ fn best_and_nearest_are_never_worse_than_a_scan() {
         for k in 0..amount(30, 1_000) {
             let target = chain.forward(&random_q(&mut rng, chain)).unwrap();
             let motion = arm.self_motion(&target).unwrap();
-            let wish: Vec<f64> = (0..7).map(|_| rng.random_range(-4.0..4.0)).collect();
+            // Also beyond the limits, where a winding within them is not the nearest one.
+            let wish: Vec<f64> = (0..7).map(|_| rng.random_range(-7.0..7.0)).collect();
             let posture = Posture::new(&wish).unwrap();
             // The same sum with and without the form that the bounds use.
             let sum = Weighted::sum(Arc::new(range.clone()), Arc::new(posture.clone())).unwrap();

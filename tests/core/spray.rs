@@ -4,10 +4,12 @@ use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::path::Path;
 use redundancy_core::planning::{
-    BarrierRule, MaxSpeed, OrientationRule, RuleKind, RuleSpin, SpeedLimit, SpeedSettings, fastest_line,
-    fastest_profile, max_speed,
+    BarrierRule, MaxSpeed, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin,
+    SpeedLimit, SpeedSettings, fastest_line, fastest_profile, max_speed, plan_orientation,
 };
 use redundancy_core::{Pose, Status};
+
+use crate::support::amount;
 
 const PATHS: [(&str, f64); 2] = [("a", 0.0), ("b", -0.15)];
 
@@ -131,5 +133,31 @@ fn what_is_wrong_is_named() {
     let positions: Vec<_> = path.poses().iter().map(|p| p.translation.vector).collect();
     assert!(rule.orientations(&positions).unwrap_err().to_string().contains("position 0: the cones"));
     assert!(OrientationRule::new(RuleKind::TiltDisc { angle: -1.0, spin: RuleSpin::Constant }).is_err());
-    let _ = Status::Converged;
+}
+
+#[test]
+fn a_plan_is_faster_than_its_start_and_keeps_what_it_promises() {
+    let (chain, path) = (gun(-0.15), reference("b"));
+    let half_angle = 20f64.to_radians();
+    let settings = OrientationPlanSettings {
+        time_limit: amount(2, 60) as f64,
+        speed: SpeedSettings { joint_limits: false, ..SpeedSettings::of(&chain) },
+        ..OrientationPlanSettings::new(&chain, half_angle)
+    };
+    let watch = PlanWatch::default();
+    let plan = plan_orientation(&chain, &path, &settings, &watch).unwrap();
+    assert!(plan.speed > plan.constant_speed.unwrap() && watch.share() == 1.0);
+    let limits: Vec<f64> = chain.joints().iter().map(|j| j.limits.effort).collect();
+    for (k, pose) in plan.poses.iter().enumerate() {
+        let q = &plan.q[k * 6..(k + 1) * 6];
+        assert!(crate::support::pose_error(&chain.forward(q).unwrap(), pose) < 1e-11);
+        assert!(-pose.rotation.matrix()[(2, 2)] >= half_angle.cos() - 1e-12);
+        assert!((0..6).all(|j| plan.torques[k * 6 + j].abs() <= limits[j] * (1.0 + 1e-12)));
+    }
+    // The same speed from the joint positions alone, by another way to the derivatives.
+    let again = max_speed(&chain, &plan.s, &plan.q, &settings.speed).unwrap();
+    assert!((again.speed / plan.speed - 1.0).abs() < 2e-3, "{} {}", again.speed, plan.speed);
+    watch.cancel();
+    let stopped = plan_orientation(&chain, &path, &settings, &watch).unwrap();
+    assert_eq!(stopped.status, Status::Cancelled);
 }

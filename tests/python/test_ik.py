@@ -1,5 +1,6 @@
 """From poses to configurations, through the Python face."""
 
+import os
 import pickle
 
 import numpy as np
@@ -9,6 +10,7 @@ from arms import Robot, robots
 import redundancy as rd
 
 ROBOTS = robots()
+FULL = os.environ.get("REDUNDANCY_TEST_FULL") == "1"
 
 
 def random_q(chain: rd.Chain, n: int, seed: int) -> np.ndarray:
@@ -125,3 +127,175 @@ def test_bad_input_of_the_wrist_arm(call, text: str) -> None:
     with pytest.raises(rd.RedundancyError) as error:
         call(arm, arm.chain.forward(np.full(6, 0.3)))
     assert text in str(error.value)
+
+
+# IkSolver
+
+
+# Without a spherical wrist: ur5. With a prismatic joint: the torso of Tiago. The Panda is that of example-robot-data.
+@pytest.mark.parametrize(
+    "name",
+    [
+        "iiwa14",
+        "panda hand",
+        "pa10",
+        "dexter",
+        "puma560",
+        "xarm7",
+        "ur5",
+        "tiago (prismatic torso)",
+        "rtb iiwa14",
+    ],
+)
+def test_every_reachable_pose_is_met_within_limits(name: str) -> None:
+    chain = load(name)
+    poses = chain.forward(random_q(chain, 1_000 if FULL else 100, 7))
+    for closed_form in (False, True):
+        ik = rd.IkSolver(chain, closed_form=closed_form)
+        batch = ik.solve_batch(poses)
+        assert (batch.status == "converged").all()
+        assert (batch.position_error <= 1e-6).all() and (batch.orientation_error <= 1e-6).all()
+        assert (batch.q >= chain.lower).all() and (batch.q <= chain.upper).all()
+        reached = chain.forward(batch.q)
+        distance = np.linalg.norm(reached[:, :3, 3] - poses[:, :3, 3], axis=1)
+        np.testing.assert_allclose(distance, batch.position_error, atol=1e-12)
+        turn = np.linalg.norm(reached[:, :3, :3] - poses[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
+        np.testing.assert_allclose(turn, batch.orientation_error, atol=1e-9)
+
+
+def test_single_calls_and_batches_agree() -> None:
+    chain = load("panda")
+    q = random_q(chain, 60, 8)
+    poses = chain.forward(q)
+    ik = rd.IkSolver(chain)
+    for q0 in (None, q[0], q[::-1].copy()):
+        batch = ik.solve_batch(poses, q0, seed=3)
+        assert len(batch) == 60
+        one = ik.solve_batch(poses, q0, seed=3, threads=1)
+        for field in ("q", "status", "iterations", "position_error", "orientation_error"):
+            np.testing.assert_array_equal(getattr(batch, field), getattr(one, field))
+        for i in range(0, 60, 7):
+            start = q0 if q0 is None or q0.ndim == 1 else q0[i]
+            single = ik.solve(poses[i], start, seed=3)
+            np.testing.assert_array_equal(single.q, batch.q[i])
+            assert (single.status, single.iterations) == (batch.status[i], batch.iterations[i])
+
+
+def test_out_of_reach_with_the_distance() -> None:
+    chain = load("iiwa14")
+    top = chain.forward(np.zeros(7))
+    for closed_form in (False, True):
+        ik = rd.IkSolver(chain, closed_form=closed_form)
+        for excess in (1e-5, 1e-3, 0.1):
+            pose = top.copy()
+            pose[2, 3] += excess
+            result = ik.solve(pose)
+            assert result.status == rd.Status.UNREACHABLE
+            assert abs(result.position_error - excess) < 1e-2 * excess
+            assert "out of reach" in result.reason
+
+
+def test_tasks_and_short_targets() -> None:
+    planar = load("planar4r")
+    pose = np.eye(4)
+    pose[:2, 3] = 4.0, 3.0
+    for target in ([4.0, 3.0], pose):
+        result = rd.IkSolver(planar, task="planar").solve(target)
+        assert result.status == "converged"
+        np.testing.assert_allclose(planar.forward(result.q)[:2, 3], [4.0, 3.0], atol=1e-6)
+    batch = rd.IkSolver(planar, task="planar_pose").solve_batch(
+        np.array([[4.0, 3.0, 2.0], [3.0, -4.0, -1.0]])
+    )
+    reached = planar.forward(batch.q)
+    np.testing.assert_allclose(np.arctan2(reached[:, 1, 0], reached[:, 0, 0]), [2.0, -1.0], atol=1e-6)
+    panda = load("panda")
+    place = rd.IkSolver(panda, task=rd.Task("position")).solve([0.4, 0.1, 0.5])
+    np.testing.assert_allclose(panda.forward(place.q)[:3, 3], [0.4, 0.1, 0.5], atol=1e-6)
+    pose = panda.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])
+    pointing = rd.IkSolver(panda, task=rd.Task.pointing([0, 0, 1])).solve(pose)
+    np.testing.assert_allclose(panda.forward(pointing.q)[:3, 2:], pose[:3, 2:], atol=2e-6)
+
+
+def test_orientation_set_and_criterion() -> None:
+    chain = load("panda")
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[:3, 3] = 0.45, 0.1, 0.3
+    cone = rd.Cone([0, 0, 1], [0, 0, -1], 0.2)
+    volume = rd.QuaternionVolume.cone([0, 0, 1], 0.2).reoriented([0.0, 1.0, 0.0, 0.0])
+    for orientation_set in (cone, volume):
+        tilted = pose.copy()
+        tilted[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+        result = rd.IkSolver(chain, orientation_set=orientation_set).solve(tilted)
+        assert result.status == "converged" and result.orientation_error <= 1e-6
+        assert chain.forward(result.q)[2, 2] <= -np.cos(0.2 + 1e-6)
+    middle = (chain.lower + chain.upper) / 2
+    posture = rd.Posture(chain, middle)
+    plain, soft = rd.IkSolver(chain).solve(pose), rd.IkSolver(chain, criterion=posture).solve(pose)
+    assert soft.status == "converged" and posture.value(soft.q) < posture.value(plain.q)
+    null = np.linalg.svd(chain.jacobian(soft.q))[2][6]
+    assert abs(null @ posture.gradient(soft.q)) < 1e-4
+
+
+def test_solver_pickles_and_prints() -> None:
+    chain = load("iiwa14")
+    ik = rd.IkSolver(
+        chain,
+        "newton",
+        "pointing",
+        tol_position=1e-5,
+        restarts=7,
+        criterion=rd.JointRange(chain),
+        time_limit=2.0,
+    )
+    again = pickle.loads(pickle.dumps(ik))
+    assert repr(again) == repr(ik) and "newton" in repr(ik) and "pointing" in repr(ik)
+    pose = chain.forward(np.full(7, 0.3))
+    result = ik.solve(pose)
+    copy = pickle.loads(pickle.dumps(again.solve(pose)))
+    np.testing.assert_array_equal(copy.q, result.q)
+    assert (copy.status, copy.iterations, repr(copy)) == (result.status, result.iterations, repr(result))
+    batch = pickle.loads(pickle.dumps(ik.solve_batch(pose[None])))
+    np.testing.assert_array_equal(batch.q[0], result.q)
+    assert batch.status[0] is rd.Status.CONVERGED
+    assert (
+        rd.IkSolver(chain).closed_form == "srs" and rd.IkSolver(chain, closed_form=False).closed_form is None
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda c, p: rd.IkSolver(c, "magic"), "unknown method 'magic', expected one of: hybrid, newton"),
+        (lambda c, p: rd.IkSolver(c, task="pos"), "unknown task 'pos'"),
+        (lambda c, p: rd.IkSolver(c, task=3), "task is 3, expected a name or a Task"),
+        (lambda c, p: rd.IkSolver(c, tol_position=-1.0), "tol_position is -1, it must be > 0"),
+        (lambda c, p: rd.IkSolver(c, max_iterations=0), "max_iterations is 0, it must be >= 1"),
+        (lambda c, p: rd.IkSolver(c, orientation_set=3), "orientation_set is 3, expected a Cone"),
+        (lambda c, p: rd.IkSolver(c, criterion=rd.JointRange(load("dexter"))), "expected 7 entries, got 8"),
+        (lambda c, p: rd.IkSolver(c).solve(p + 1e-3), "not a rigid transform"),
+        (lambda c, p: rd.IkSolver(c).solve(p, q0=np.zeros(6)), "q0: expected 7 entries, got 6"),
+        (
+            lambda c, p: rd.IkSolver(c).solve_batch(np.stack([p, p * 2])),
+            "pose 1: pose is not a rigid transform",
+        ),
+        (
+            lambda c, p: rd.IkSolver(c).solve_batch(p[None], np.zeros((2, 7))),
+            "rows of q0: expected 1 entries, got 2",
+        ),
+    ],
+)
+def test_bad_input_of_the_solver(call, text: str) -> None:
+    chain = load("panda")
+    with pytest.raises(rd.RedundancyError) as error:
+        call(chain, chain.forward(np.full(7, 0.3)))
+    assert text in str(error.value)
+
+
+def test_a_rotation_that_is_not_orthonormal_is_measured() -> None:
+    chain = load("panda")
+    pose = chain.forward(np.full(7, 0.3))
+    pose[0, 0] += 1e-3
+    with pytest.raises(
+        rd.RedundancyError, match=r"max \|R\^T R - I\| \(measured \d\.\d+e-[34], bound 1e-6\)"
+    ):
+        rd.IkSolver(chain).solve(pose)

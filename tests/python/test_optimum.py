@@ -93,3 +93,140 @@ def test_wrong_input_is_refused(planar: tuple[rd.Chain, rd.Manipulability]) -> N
         rd.constrained_optima(arm, (2.0, 0.0), h, task="planar", step=-1.0)
     with pytest.raises(rd.RedundancyError, match="finite"):
         rd.constrained_optima(arm, (np.nan, 0.0), h, task="planar")
+
+
+# Table 1 of the paper, degrees, and the radius of the tool's circle.
+TABLE_1 = [
+    (138.5904, 97.1808, 0.0000),
+    (141.6125, 92.7837, 0.1442),
+    (124.5862, 142.9171, 1.4950),
+    (142.8637, -37.6906, 3.4734),
+    (46.9843, -142.4039, 4.5195),
+]
+
+
+def test_table_1(planar: tuple[rd.Chain, rd.Manipulability]) -> None:
+    arm, h = planar
+    points = rd.algorithmic_singularities(arm, h, task="planar")
+    assert len(points) == 10
+    for q2, q3, radius in TABLE_1:
+        for sign in (1, -1):
+            wanted = np.array([sign * q2, sign * q3])
+            near = [p for p in points if np.abs(np.degrees(p.q[1:]) - wanted).max() <= 0.501e-4]
+            assert len(near) == 1
+            assert np.linalg.norm(near[0].position) == pytest.approx(radius, abs=0.501e-4)
+            assert near[0].residual < 1e-10 and near[0].first_joint_free and near[0].dimension == 0
+            assert rd.classify(arm, near[0].q, h, task="planar").kind == "degenerate"
+    assert repr(pickle.loads(pickle.dumps(points[0]))) == repr(points[0])
+    moved = points[3].q + np.array([2.0, 0.03, -0.04])
+    assert rd.singularity_distance(arm, moved, points) == pytest.approx(0.05, abs=1e-12)
+    np.testing.assert_allclose(
+        rd.singularity_distance(arm, [moved, points[1].q], points), [0.05, 0], atol=1e-12
+    )
+
+
+def circle(n: int) -> rd.Path:
+    return rd.paths.circle((3.5, 0, 0), 1.5, start=np.pi, n=n).with_times(np.linspace(0, 1, n))
+
+
+def test_the_paths_of_figure_2(planar: tuple[rd.Chain, rd.Manipulability]) -> None:
+    arm, h = planar
+    path = circle(101)
+    runs = [rd.follow_optimum(arm, path, np.radians(row[0]), h, task="planar") for row in TABLE_2]
+    assert [run.completed for run in runs] == [True] + [False] * 5
+    first = runs[0]
+    assert len(first) == 101 and not first.events
+    assert np.abs(first.q[-1] - first.q[0]).max() < 1e-10
+    tips = np.array([arm.forward(q)[:3, 3] for q in first.q])
+    np.testing.assert_allclose(tips, path.positions, atol=1e-12)
+    for i, kind in (
+        (1, "algorithmic"),
+        (2, "algorithmic"),
+        (3, "kinematic"),
+        (4, "kinematic"),
+        (5, "algorithmic"),
+    ):
+        event = runs[i].events[-1]
+        assert str(event.kind) == f"{kind}_singularity"
+        assert event.index == len(runs[i])
+        assert event.s == pytest.approx(event.t * path.length, abs=1e-9)
+    for i in (1, 5):
+        assert runs[i].events[-1].t == pytest.approx(0.2127422082, abs=1e-10)
+        q = (np.degrees(runs[i].stop_q)[1:] + 180) % 360 - 180
+        np.testing.assert_allclose(q, [142.86374652115, -37.690595721962], atol=1e-7)
+    # The arm is straight or folded where the circle of that reach is met: |x| = 3.5 and 2.5.
+    for i, reach in ((3, 3.5), (4, 2.5)):
+        t = np.arccos((3.5**2 + 1.5**2 - reach**2) / (2 * 3.5 * 1.5)) / (2 * np.pi)
+        assert runs[i].events[-1].t == pytest.approx(t, abs=1e-9)
+    copy = pickle.loads(pickle.dumps(runs[1]))
+    assert repr(copy) == repr(runs[1]) and np.array_equal(copy.q, runs[1].q) and copy.events == runs[1].events
+
+
+def test_starts_are_ranked(planar: tuple[rd.Chain, rd.Manipulability]) -> None:
+    arm, h = planar
+    ranked = rd.rank_starts(arm, circle(51), h, task="planar")
+    assert [start.completed for start in ranked] == [True] * 2 + [False] * 10
+    ends = [start.trajectory.stop_s for start in ranked[2:]]
+    assert ends == sorted(ends, reverse=True)
+    np.testing.assert_allclose(np.abs(np.degrees(ranked[0].q)), (87.1742, 111.7847, 77.5352), atol=1e-4)
+    assert repr(pickle.loads(pickle.dumps(ranked[2]))) == repr(ranked[2])
+
+
+def test_a_start_that_is_not_critical_is_refused(planar: tuple[rd.Chain, rd.Manipulability]) -> None:
+    arm, h = planar
+    with pytest.raises(rd.RedundancyError, match="no critical point"):
+        rd.follow_optimum(arm, circle(11), [0.1, 0.2, 0.3], h, task="planar")
+    with pytest.raises(rd.RedundancyError, match="orientations"):
+        iiwa = rd.catalog.load("iiwa14")
+        rd.follow_optimum(iiwa, circle(11), np.zeros(7), rd.JointRange(iiwa))
+
+
+def rotation_error(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.linalg.norm(a[:3, :3] - b[:3, :3]))
+
+
+@pytest.mark.parametrize("name", ["panda", "iiwa14", "pa10"])
+def test_self_motion_curves_keep_the_pose(name: str) -> None:
+    arm = rd.catalog.load(name)
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        lower, upper = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
+        q0 = rng.uniform(lower, upper)
+        pose = arm.forward(q0)
+        curve = rd.trace_self_motion(arm, q0)
+        assert curve.closed and curve.status == "converged"
+        turns = (curve.q[-1] - curve.q[0]) / (2 * np.pi)
+        np.testing.assert_allclose(turns, np.round(turns), atol=1e-10)
+        assert np.linalg.norm(np.diff(curve.q, axis=0), axis=1).max() <= 0.0121
+        for q, t in zip(curve.q[::7], curve.tangents[::7], strict=True):
+            here = arm.forward(q)
+            assert np.linalg.norm(here[:3, 3] - pose[:3, 3]) < 1e-10
+            assert rotation_error(here, pose) < 1e-10
+            assert np.abs(arm.jacobian(q) @ t).max() < 1e-5
+        for s in rng.uniform(0, 2 * curve.length, 5):
+            q = curve.at(s)
+            assert np.abs(arm.forward(q) - pose).max() < 1e-12
+        # Feasible arcs against samples.
+        s = np.linspace(0, curve.length, 2000)
+        q = curve.at(s)
+        middle, half = (arm.lower + arm.upper) / 2, (arm.upper - arm.lower) / 2
+        away = np.abs((q - middle + np.pi) % (2 * np.pi) - np.pi) - half
+        legal = (away <= 0).all(axis=1)
+        inside = np.zeros(len(s), bool)
+        for lo, hi in curve.intervals():
+            inside |= (s - lo) % curve.length <= hi - lo
+        unclear = np.abs(away.max(axis=1)) < 1e-9
+        assert np.array_equal(inside[~unclear], legal[~unclear])
+        copy = pickle.loads(pickle.dumps(curve))
+        assert repr(copy) == repr(curve) and np.array_equal(copy.intervals(), curve.intervals())
+
+
+def test_a_patch_of_two_freedoms() -> None:
+    arm = rd.catalog.load("planar4r")
+    q0 = np.array([0.2, 0.5, 0.7, 0.9])
+    q, valid = rd.self_motion_patch(arm, q0, task="planar", spacing=0.05, steps=6)
+    assert valid.all() and np.array_equal(q[6, 6], q0)
+    tips = np.array([arm.forward(x)[:2, 3] for x in q.reshape(-1, 4)])
+    np.testing.assert_allclose(tips - arm.forward(q0)[:2, 3], 0, atol=1e-11)
+    with pytest.raises(rd.RedundancyError, match="dimensions"):
+        rd.trace_self_motion(arm, q0, task="planar")

@@ -109,6 +109,9 @@ pub enum Error {
         /// What is wrong there.
         message: String,
     },
+    /// A path that this arm cannot follow: which points, and what is in the way.
+    #[error("{0}")]
+    CannotFollow(String),
     /// Any other invalid argument.
     #[error("{0}")]
     Invalid(String),

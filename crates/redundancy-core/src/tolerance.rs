@@ -46,6 +46,44 @@ pub const EDGE_ROUNDING: f64 = 1e-9;
 /// Angle (rad) between two directions below which a projected reference axis is undefined.
 pub const REFERENCE_PARALLEL: f64 = 1e-6;
 
+/// Damping of the numeric inverse kinematics per unit of cost `|e|^2 / 2` (e in rad; metres are weighted to rad).
+/// Anything from 0.01 to 0.3 needs the same number of iterations within 5 %.
+pub const IK_DAMPING: f64 = 0.03;
+
+/// Damping that is left at the target: keeps the system solvable at a singular configuration, too small to slow down
+/// convergence anywhere else.
+pub const IK_DAMPING_FLOOR: f64 = 1e-12;
+
+/// A run whose cost has not fallen below this share in four steps is given up: another start is cheaper.
+pub const IK_STALL: f64 = 0.5;
+
+/// Longest step of a joint in one iteration, rad or m: about what linearisation covers.
+pub const IK_STEP: f64 = 0.8;
+
+/// Radians that a metre counts in the cost of the numeric inverse kinematics: the inverse of the size (m) of what a
+/// tool turns. Between 2 and 7 the number of iterations does not change by more than 5 % on arms of human size.
+pub const IK_RADIANS_PER_METRE: f64 = 1.0 / 0.3;
+
+/// Relative fall of the cost in four steps below which even a patient run has ended at a stationary point.
+pub const IK_STATIONARY: f64 = 1e-9;
+
+/// Sine of an angle below which the angle is its series up to the third power: the fifth is below 1e-17.
+pub const SMALL_SINE: f64 = 5e-4;
+
+/// Projected gradient of a criterion, relative to the gradient, at which it counts as stationary over the task.
+pub const IK_CRITERION: f64 = 1e-7;
+
+/// Share of the tolerances to which a step along a criterion is brought back: one more step of quadratic convergence.
+pub const IK_CRITERION_SHARE: f64 = 1e-4;
+
+/// Ratio of the amplitudes of whole and half angles below which the smaller one only moves the stationary points of the
+/// other by rounding; Newton's method takes it into account.
+pub const HALF_ANGLE_FLAT: f64 = 1e-9;
+
+/// Largest distance of a root of the half-angle quartic from the unit circle that counts as on it: a double root is
+/// resolved to the root of the machine precision.
+pub const HALF_ANGLE_ROOT: f64 = 1e-6;
+
 /// Largest distance (m) between consecutive path samples that counts as standing still: below it arc length is noise.
 pub const PATH_STANDSTILL: f64 = 1e-9;
 
@@ -286,6 +324,39 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 /// Share of its diagonal entry below which a pivot of `J J^T` counts as zero: three digits above rounding. Above it
 /// determinant and inverse carry the same backward error, so that their product, the adjugate, is accurate.
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
+
+/// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
+/// its square.
+pub const FOLLOW_DONE: f64 = 1e-12;
+
+/// Joint distance (rad or m) within which a start is taken to the nearest critical point: angles printed with two
+/// decimals of a degree pass.
+pub const FOLLOW_START: f64 = 0.02;
+
+/// Ratio of the singular values of J at which a path has met a kinematic singularity. What is left of the way is of the
+/// order of its square.
+pub const FOLLOW_SINGULAR: f64 = 1e-5;
+
+/// Rate of the path parameter, relative to the speed in (q, s), at which a fold is located: s is exact to its square.
+pub const FOLLOW_FOLD: f64 = 1e-9;
+
+/// Shortest step (rad) along a critical locus: below it neither fold nor singularity explain why it cannot go on.
+pub const FOLLOW_SHORTEST: f64 = 1e-10;
+
+/// Step (rad or m) of the central difference of `det W`: the third root of the machine precision, where the errors of
+/// rounding and of the formula are alike.
+pub const SINGULARITY_DIFFERENCE: f64 = 6e-6;
+
+/// Ratio of the singular values of J above which an algorithmic singularity is not a kinematic one. Near a kinematic
+/// singularity mu and A shrink with the square of this ratio and would pass for zero.
+pub const SINGULARITY_RANK: f64 = 1e-4;
+
+/// What may be left of `mu` and of an eigenvalue of W, relative to gradient and curvature, at an algorithmic
+/// singularity.
+pub const SINGULARITY_RESIDUAL: f64 = 1e-10;
+
+/// Distance (rad or m) below which two algorithmic singularities are one.
+pub const SAME_SINGULARITY: f64 = 1e-6;
 
 /// Squared sine of the angle between two segments below which they count as parallel: the place of the nearest points
 /// of their lines is then decided by rounding, their distance is not.

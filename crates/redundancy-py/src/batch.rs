@@ -21,19 +21,7 @@ pub fn in_blocks(
     threads: Option<usize>,
     mut work: impl FnMut(Range<usize>) -> redundancy_core::Result<()> + Send,
 ) -> PyResult<()> {
-    let pool = match threads {
-        None => None,
-        Some(count) if !(1..=MAX_THREADS).contains(&count) => {
-            let bound = if count == 0 { "at least 1".into() } else { format!("at most {MAX_THREADS}") };
-            return Err(to_py(Error::Invalid(format!("threads is {count}, it must be {bound}"))));
-        }
-        Some(count) => Some(
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(count)
-                .build()
-                .map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}"))))?,
-        ),
-    };
+    let pool = pool(threads)?;
     for start in (0..n).step_by(block.max(1)) {
         let range = start..n.min(start + block);
         py.detach(|| match &pool {
@@ -44,4 +32,23 @@ pub fn in_blocks(
         py.check_signals()?;
     }
     Ok(())
+}
+
+/// A pool of `threads`, or none for the current one.
+///
+/// # Errors
+/// `threads` of 0 or above 1024, a pool that cannot be started.
+pub fn pool(threads: Option<usize>) -> PyResult<Option<rayon::ThreadPool>> {
+    match threads {
+        None => Ok(None),
+        Some(count) if !(1..=MAX_THREADS).contains(&count) => {
+            let bound = if count == 0 { "at least 1".into() } else { format!("at most {MAX_THREADS}") };
+            Err(to_py(Error::Invalid(format!("threads is {count}, it must be {bound}"))))
+        }
+        Some(count) => rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .build()
+            .map(Some)
+            .map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}")))),
+    }
 }

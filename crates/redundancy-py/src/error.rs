@@ -35,12 +35,20 @@ pyo3::create_exception!(
     "A file is broken; the message gives its name and line."
 );
 
+pyo3::create_exception!(
+    redundancy,
+    CannotFollowError,
+    RedundancyError,
+    "The path is sound, the arm cannot follow it; the message says which points and what is in the way."
+);
+
 /// Core error to Python exception.
 pub fn to_py(error: Error) -> PyErr {
     let message = error.to_string();
     match error {
         Error::NotSrs { .. } => NotSrsError::new_err(message),
         Error::NotSphericalWrist { .. } => NotSphericalWristError::new_err(message),
+        Error::CannotFollow(_) => CannotFollowError::new_err(message),
         Error::File { .. } => FileFormatError::new_err(message),
         Error::Description(_) | Error::InvertedLimits { .. } => DescriptionError::new_err(message),
         _ => RedundancyError::new_err(message),
@@ -52,6 +60,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     module.add("RedundancyError", py.get_type::<RedundancyError>())?;
     module.add("DescriptionError", py.get_type::<DescriptionError>())?;
+    module.add("CannotFollowError", py.get_type::<CannotFollowError>())?;
     module.add("NotSrsError", py.get_type::<NotSrsError>())?;
     module.add("NotSphericalWristError", py.get_type::<NotSphericalWristError>())?;
     module.add("FileFormatError", py.get_type::<FileFormatError>())

@@ -1,20 +1,31 @@
-//! From poses to configurations: `SphericalWristArm`.
+//! From poses to configurations: `IkSolver`, `SphericalWristArm`.
+
+use std::sync::{Arc, Mutex};
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
-use redundancy_core::Error;
-use redundancy_core::ik::{Configurations, SphericalWristArm};
+use pyo3::types::{PyDict, PyTuple};
+use redundancy_core::ik::{
+    Configurations, IkBatch, IkMemory, IkMethod, IkResult, IkSettings, IkSolver, OrientationSet,
+    SphericalWristArm, task_target,
+};
+use redundancy_core::kinematics::Task;
+use redundancy_core::{Error, Pose, Status, pose_to_row_major};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
 use crate::convert::{Fresh, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::criterion::PyCriterion;
 use crate::error::to_py;
+use crate::rotation::{PyCone, PyQuaternionVolume};
 use crate::self_motion::{Batch, PySolveBatch, signs_of};
-use crate::status::status_to_py;
+use crate::status::{status_to_py, statuses_to_py};
+use crate::task::{PyTask, read_task};
 
 /// Poses between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 16_384;
+/// The same for the solver: some tens of milliseconds.
+const SOLVER_BLOCK: usize = 2_048;
 
 /// A six-joint arm with a spherical wrist and its closed-form inverse kinematics.
 #[pyclass(name = "SphericalWristArm", module = "redundancy", frozen)]
@@ -213,5 +224,395 @@ impl PyConfigurations {
             "" => format!("Configurations({}: {} branches)", self.all.status, self.all.q.len()),
             reason => format!("Configurations({}: {reason})", self.all.status),
         }
+    }
+}
+
+/// From poses to configurations of one chain.
+#[pyclass(name = "IkSolver", module = "redundancy", frozen)]
+pub struct PyIkSolver {
+    solver: IkSolver,
+    chain: Py<PyChain>,
+    task: Py<PyAny>,
+    criterion: Option<Py<PyCriterion>>,
+    orientation_set: Option<Py<PyAny>>,
+    /// Memory of earlier calls, to be used again.
+    memory: Mutex<Vec<IkMemory>>,
+}
+
+#[pymethods]
+impl PyIkSolver {
+    #[new]
+    #[pyo3(signature = (
+        chain, method="hybrid", task=None, tol_position=1e-6, tol_orientation=1e-6, max_iterations=None,
+        restarts=None, criterion=None, orientation_set=None, closed_form=true, *, time_limit=None,
+    ))]
+    fn new(
+        py: Python<'_>,
+        chain: &Bound<'_, PyChain>,
+        method: &str,
+        task: Option<&Bound<'_, PyAny>>,
+        tol_position: f64,
+        tol_orientation: f64,
+        max_iterations: Option<usize>,
+        restarts: Option<usize>,
+        criterion: Option<&Bound<'_, PyCriterion>>,
+        orientation_set: Option<&Bound<'_, PyAny>>,
+        closed_form: bool,
+        time_limit: Option<f64>,
+    ) -> PyResult<Self> {
+        let method = IkMethod::from_name(method).map_err(to_py)?;
+        let kind = task.map_or(Ok(Task::POSE), read_task)?;
+        let defaults = IkSettings { method, ..IkSettings::default() };
+        let settings = IkSettings {
+            task: kind,
+            tol_position,
+            tol_orientation,
+            max_iterations: max_iterations.unwrap_or(defaults.max_iterations),
+            restarts: restarts.unwrap_or(defaults.restarts),
+            time_limit,
+            criterion: criterion.map(|c| Arc::clone(&c.get().criterion)),
+            orientation_set: orientation_set.map(read_set).transpose()?,
+            closed_form,
+            ..defaults
+        };
+        Ok(Self {
+            solver: IkSolver::new(&chain.get().chain, settings).map_err(to_py)?,
+            chain: chain.clone().unbind(),
+            task: match task {
+                Some(task) => task.clone().unbind(),
+                None => Py::new(py, PyTask { task: kind })?.into_any(),
+            },
+            criterion: criterion.map(|c| c.clone().unbind()),
+            orientation_set: orientation_set.map(|s| s.clone().unbind()),
+            memory: Mutex::new(Vec::new()),
+        })
+    }
+
+    /// The chain.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
+    /// Name of the method.
+    #[getter]
+    fn method(&self) -> &'static str {
+        self.solver.settings().method.as_str()
+    }
+
+    /// Which coordinates count.
+    #[getter]
+    fn task(&self) -> PyTask {
+        PyTask { task: self.solver.settings().task }
+    }
+
+    /// `"srs"`, `"spherical_wrist"` or `None`: the closed form in use.
+    #[getter]
+    fn closed_form(&self) -> Option<&'static str> {
+        self.solver.closed_form()
+    }
+
+    /// A configuration over a pose.
+    #[pyo3(signature = (pose, q0=None, seed=0))]
+    fn solve(
+        &self,
+        py: Python<'_>,
+        pose: &Bound<'_, PyAny>,
+        q0: Option<&Bound<'_, PyAny>>,
+        seed: u64,
+    ) -> PyResult<PyIkResult> {
+        let pose = read_target(pose, &self.solver.settings().task)?;
+        let n = self.solver.chain().dof();
+        let q0 = q0.map(|q0| read_vector(q0, "q0", Some(n))).transpose()?;
+        let mut memory = self.borrow().unwrap_or_else(|| self.solver.memory());
+        let mut result = IkResult::new(n);
+        let done = py.detach(|| self.solver.solve_into(&pose, q0.as_deref(), seed, &mut memory, &mut result));
+        self.give_back(memory);
+        done.map_err(to_py)?;
+        Ok(PyIkResult { result })
+    }
+
+    /// Configurations over many poses.
+    #[pyo3(signature = (poses, q0=None, seed=0, *, threads=None))]
+    fn solve_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        q0: Option<&Bound<'py, PyAny>>,
+        seed: u64,
+        threads: Option<usize>,
+    ) -> PyResult<PyIkBatch> {
+        let n = self.solver.chain().dof();
+        let targets = read_targets(poses, &self.solver.settings().task)?;
+        let rows = targets.rows;
+        let q0 = q0.map(|q0| read_rows(q0, "q0", &[n])).transpose()?;
+        if let Some(actual) = q0.as_ref().and_then(|q0| q0.batch).filter(|m| *m != rows) {
+            return Err(to_py(Error::Length { what: "rows of q0".into(), expected: rows, actual }));
+        }
+        let single = q0.as_ref().is_none_or(|q0| q0.batch.is_none());
+        let start = q0.as_ref().map(|q0| q0.as_slice()).transpose()?;
+        let mut q = Fresh::<f64, _>::new(py, [rows, n]);
+        let mut iterations = Fresh::<u32, _>::new(py, [rows]);
+        let mut position = Fresh::<f64, _>::new(py, [rows]);
+        let mut orientation = Fresh::<f64, _>::new(py, [rows]);
+        let mut status = vec![Status::Cancelled; rows];
+        {
+            let (q, iterations) = (q.memory()?, iterations.memory()?);
+            let (position, orientation) = (position.memory()?, orientation.memory()?);
+            let data = targets.as_slice()?;
+            in_blocks(py, rows, SOLVER_BLOCK, threads, |r| {
+                let start = start.map(|q0| if single { q0 } else { &q0[r.start * n..r.end * n] });
+                let mut out = IkBatch {
+                    q: &mut q[r.start * n..r.end * n],
+                    status: &mut status[r.clone()],
+                    iterations: &mut iterations[r.clone()],
+                    position_error: &mut position[r.clone()],
+                    orientation_error: &mut orientation[r.clone()],
+                };
+                self.solver.solve_batch(&data[r.start * 16..r.end * 16], start, seed, &mut out)
+            })?;
+        }
+        Ok(PyIkBatch {
+            q: q.finish().unbind(),
+            status: statuses_to_py(py, &status)?.unbind(),
+            iterations: iterations.finish().unbind(),
+            position_error: position.finish().unbind(),
+            orientation_error: orientation.finish().unbind(),
+        })
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, solver) = (this.py(), this.get());
+        let settings = solver.solver.settings();
+        let options = PyDict::new(py);
+        options.set_item("method", settings.method.as_str())?;
+        options.set_item("task", solver.task.bind(py))?;
+        options.set_item("tol_position", settings.tol_position)?;
+        options.set_item("tol_orientation", settings.tol_orientation)?;
+        options.set_item("max_iterations", settings.max_iterations)?;
+        options.set_item("restarts", settings.restarts)?;
+        options.set_item("criterion", solver.criterion.as_ref().map(|c| c.bind(py)))?;
+        options.set_item("orientation_set", solver.orientation_set.as_ref().map(|s| s.bind(py)))?;
+        options.set_item("closed_form", settings.closed_form)?;
+        options.set_item("time_limit", settings.time_limit)?;
+        let class = this.get_type().getattr("_restore")?;
+        Ok((class, (solver.chain.bind(py), options).into_pyobject(py)?))
+    }
+
+    /// What pickling calls.
+    #[staticmethod]
+    fn _restore<'py>(
+        py: Python<'py>,
+        chain: &Bound<'py, PyChain>,
+        options: &Bound<'py, PyDict>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        py.get_type::<Self>().call((chain,), Some(options))
+    }
+
+    fn __repr__(&self) -> String {
+        let settings = self.solver.settings();
+        let closed = self.solver.closed_form().map_or(String::new(), |c| format!(", closed form '{c}'"));
+        format!(
+            "IkSolver('{}', method '{}', task '{}'{closed}, tolerance {:.1e} m {:.1e} rad)",
+            self.solver.chain().name(),
+            settings.method.as_str(),
+            settings.task,
+            settings.tol_position,
+            settings.tol_orientation
+        )
+    }
+}
+
+impl PyIkSolver {
+    fn borrow(&self) -> Option<IkMemory> {
+        self.memory.lock().ok()?.pop()
+    }
+
+    fn give_back(&self, memory: IkMemory) {
+        if let Ok(mut pool) = self.memory.lock() {
+            pool.push(memory);
+        }
+    }
+}
+
+fn read_set(object: &Bound<'_, PyAny>) -> PyResult<OrientationSet> {
+    if let Ok(cone) = object.cast::<PyCone>() {
+        return Ok(cone.get().cone.into());
+    }
+    match object.cast::<PyQuaternionVolume>() {
+        Ok(volume) => Ok(volume.get().volume.into()),
+        Err(_) => {
+            let message =
+                format!("orientation_set is {}, expected a Cone or a QuaternionVolume", object.repr()?);
+            Err(to_py(Error::Invalid(message)))
+        }
+    }
+}
+
+/// Numbers that stand for a target of the task, where fewer than a pose are allowed.
+fn short(task: &Task) -> Option<usize> {
+    let n = task.dim();
+    (n <= 3).then_some(n)
+}
+
+/// A pose, or as many numbers as the task has coordinates.
+fn read_target(object: &Bound<'_, PyAny>, task: &Task) -> PyResult<Pose> {
+    if let Some(n) = short(task)
+        && let Ok(values) = read_vector(object, "pose", Some(n))
+    {
+        return task_target(task, &values).map_err(to_py);
+    }
+    read_pose(object)
+}
+
+/// Targets as row-major matrices.
+struct Targets<'py> {
+    rows: usize,
+    poses: Option<Batch<'py>>,
+    made: Vec<f64>,
+}
+
+impl Targets<'_> {
+    fn as_slice(&self) -> PyResult<&[f64]> {
+        match &self.poses {
+            Some(poses) => poses.as_slice(),
+            None => Ok(&self.made),
+        }
+    }
+}
+
+fn read_targets<'py>(object: &Bound<'py, PyAny>, task: &Task) -> PyResult<Targets<'py>> {
+    if let Some(n) = short(task)
+        && let Ok(rows) = read_rows(object, "poses", &[n])
+    {
+        let mut made = Vec::new();
+        for values in rows.as_slice()?.chunks_exact(n) {
+            made.extend(pose_to_row_major(&task_target(task, values).map_err(to_py)?));
+        }
+        return Ok(Targets { rows: rows.batch.unwrap_or(1), poses: None, made });
+    }
+    let poses = Batch::read(object)?;
+    Ok(Targets { rows: poses.len(), poses: Some(poses), made: Vec::new() })
+}
+
+/// The answer over one pose.
+#[pyclass(name = "IkResult", module = "redundancy", frozen)]
+pub struct PyIkResult {
+    result: IkResult,
+}
+
+#[pymethods]
+impl PyIkResult {
+    #[new]
+    fn new(
+        q: &Bound<'_, PyAny>,
+        status: &str,
+        iterations: usize,
+        position_error: f64,
+        orientation_error: f64,
+    ) -> PyResult<Self> {
+        let q = read_vector(q, "q", None)?;
+        let status = Status::ALL.into_iter().find(|s| s.as_str() == status).ok_or_else(|| {
+            let valid = Status::ALL.iter().map(|s| s.as_str().to_owned()).collect();
+            to_py(Error::UnknownName { kind: "status", name: status.into(), valid })
+        })?;
+        Ok(Self { result: IkResult { q, status, iterations, position_error, orientation_error } })
+    }
+
+    /// Joint positions `(n,)`. A copy.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.result.q)
+    }
+
+    /// What came out.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.result.status)
+    }
+
+    /// What the status means here; empty when converged.
+    #[getter]
+    fn reason(&self) -> String {
+        self.result.reason()
+    }
+
+    /// Iterations over all starts.
+    #[getter]
+    fn iterations(&self) -> usize {
+        self.result.iterations
+    }
+
+    /// Distance from the target, m.
+    #[getter]
+    fn position_error(&self) -> f64 {
+        self.result.position_error
+    }
+
+    /// Angle from the target, rad.
+    #[getter]
+    fn orientation_error(&self) -> f64 {
+        self.result.orientation_error
+    }
+
+    fn __getnewargs__(&self) -> (Vec<f64>, &'static str, usize, f64, f64) {
+        let r = &self.result;
+        (r.q.clone(), r.status.as_str(), r.iterations, r.position_error, r.orientation_error)
+    }
+
+    fn __repr__(&self) -> String {
+        let r = &self.result;
+        format!(
+            "IkResult({}, q={:?}, {} iterations, misses by {:.1e} m {:.1e} rad)",
+            r.status, r.q, r.iterations, r.position_error, r.orientation_error
+        )
+    }
+}
+
+/// The answers over many poses.
+#[pyclass(name = "IkBatch", module = "redundancy", frozen, get_all)]
+pub struct PyIkBatch {
+    /// `(N, n)`.
+    q: Py<PyArray2<f64>>,
+    /// `(N,)` of `Status`.
+    status: Py<PyArray1<Py<PyAny>>>,
+    /// `(N,)`.
+    iterations: Py<PyArray1<u32>>,
+    /// `(N,)`, m.
+    position_error: Py<PyArray1<f64>>,
+    /// `(N,)`, rad.
+    orientation_error: Py<PyArray1<f64>>,
+}
+
+#[pymethods]
+impl PyIkBatch {
+    #[new]
+    fn new(
+        q: Py<PyArray2<f64>>,
+        status: Py<PyArray1<Py<PyAny>>>,
+        iterations: Py<PyArray1<u32>>,
+        position_error: Py<PyArray1<f64>>,
+        orientation_error: Py<PyArray1<f64>>,
+    ) -> Self {
+        Self { q, status, iterations, position_error, orientation_error }
+    }
+
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (
+            self.q.bind(py),
+            self.status.bind(py),
+            self.iterations.bind(py),
+            self.position_error.bind(py),
+            self.orientation_error.bind(py),
+        )
+            .into_pyobject(py)
+    }
+
+    fn __len__(&self, py: Python<'_>) -> usize {
+        numpy::PyUntypedArrayMethods::len(self.iterations.bind(py))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("IkBatch({} poses)", self.__len__(py))
     }
 }

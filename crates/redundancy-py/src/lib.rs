@@ -4,11 +4,13 @@ use pyo3::prelude::*;
 
 mod batch;
 mod chain;
+mod continuation;
 mod convert;
 mod criterion;
 mod error;
 mod ik;
 mod optimum;
+mod orientation_plan;
 mod path;
 mod planning;
 mod rotation;
@@ -25,14 +27,21 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
+    use continuation::{
+        PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
+    };
+    #[pymodule_export]
     use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
-    use ik::{PyConfigurations, PySphericalWristArm};
+    use ik::{PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PySphericalWristArm};
     #[pymodule_export]
     use optimum::{
-        PyClassification, PyCofactorCondition, PyCriticalPoint, py_classify, py_cofactor_condition,
-        py_constrained_optima,
+        PyClassification, PyCofactorCondition, PyCriticalPoint, PyFollowedOptimum, PyRankedStart,
+        PySingularPoint, py_algorithmic_singularities, py_classify, py_cofactor_condition,
+        py_constrained_optima, py_follow_optimum, py_rank_starts, py_singularity_distance,
     };
+    #[pymodule_export]
+    use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

@@ -5,14 +5,18 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyType};
 use redundancy_core::kinematics::Task;
 use redundancy_core::optimum::{
-    Classification, Classifier, CofactorCondition, CriticalPoint, Kind, OptimaSettings, cofactor_condition,
-    constrained_optima,
+    Classification, Classifier, CofactorCondition, CriticalPoint, FollowSettings, FollowedOptimum, Kind,
+    OptimaSettings, SingularPoint, SingularitySettings, Stop, algorithmic_singularities, cofactor_condition,
+    constrained_optima, distance_to_nearest, follow_optimum, rank_starts,
 };
+use redundancy_core::path::Trajectory;
 
+use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{read_rows, read_vector};
+use crate::convert::{read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
+use crate::path::{PyPath, PyTrajectory};
 use crate::status::kind_to_py;
 use crate::task::{read_target, read_task};
 
@@ -290,4 +294,342 @@ pub fn py_cofactor_condition(
     let criterion = criterion.get().criterion.as_ref();
     let at = cofactor_condition(chain, &q, criterion, task_or_pose(task)?).map_err(to_py)?;
     Ok(PyCofactorCondition { at })
+}
+
+/// A critical point followed along a path.
+#[pyclass(name = "FollowedOptimum", module = "redundancy", frozen, extends = PyTrajectory)]
+pub struct PyFollowedOptimum {
+    followed: FollowedOptimum,
+}
+
+/// The numbers beside the trajectory that make it again.
+type FollowedParts = (String, Vec<f64>, Vec<f64>, Vec<f64>, Option<(f64, Vec<f64>)>);
+
+impl PyFollowedOptimum {
+    fn new_bound<'py>(
+        py: Python<'py>,
+        followed: FollowedOptimum,
+        trajectory: Trajectory,
+    ) -> PyResult<Bound<'py, Self>> {
+        let base = PyClassInitializer::from(PyTrajectory::from(trajectory));
+        Bound::new(py, base.add_subclass(Self { followed }))
+    }
+}
+
+#[pymethods]
+impl PyFollowedOptimum {
+    /// What it is, all along.
+    #[getter]
+    fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        kind_to_py(py, self.followed.kind)
+    }
+
+    /// Whether the path was finished.
+    #[getter]
+    fn completed(&self) -> bool {
+        self.followed.stop.is_none()
+    }
+
+    /// h at each row.
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.followed.values)
+    }
+
+    /// Smallest singular value of the task Jacobian at each row.
+    #[getter]
+    fn sigma_min<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.followed.sigma_min)
+    }
+
+    /// Eigenvalues of the reduced Hessian at each row.
+    #[getter]
+    fn eigenvalues<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (rows, all) = (self.followed.values.len(), &self.followed.eigenvalues);
+        Ok(to_array(py, all, [rows, all.len() / rows.max(1)])?.into_any())
+    }
+
+    /// Configuration at which it stopped.
+    #[getter]
+    fn stop_q<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.followed.stop.as_ref().map(|stop| PyArray1::from_slice(py, &stop.q))
+    }
+
+    /// Arc length at which it stopped.
+    #[getter]
+    fn stop_s(&self) -> Option<f64> {
+        self.followed.stop.as_ref().map(|stop| stop.s)
+    }
+
+    fn __repr__(&self) -> String {
+        let end = self.followed.stop.as_ref().map_or("completed".into(), |stop| stop.message.clone());
+        format!("FollowedOptimum({}, {} rows, {end})", self.followed.kind, self.followed.values.len())
+    }
+
+    fn __reduce__<'py>(
+        this: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyTrajectory>, FollowedParts))> {
+        let py = this.py();
+        let base: &Bound<'py, PyTrajectory> = this.as_super();
+        let plain = Bound::new(py, PyTrajectory::from(base.get().trajectory.clone()))?;
+        let FollowedOptimum { kind, values, sigma_min, eigenvalues, stop, .. } = &this.get().followed;
+        let stop = stop.as_ref().map(|stop| (stop.s, stop.q.clone()));
+        let parts = (kind.to_string(), values.clone(), sigma_min.clone(), eigenvalues.clone(), stop);
+        Ok((py.get_type::<Self>().getattr("_from_parts")?, (plain, parts)))
+    }
+
+    /// Inverse of pickling.
+    #[classmethod]
+    fn _from_parts<'py>(
+        class: &Bound<'py, PyType>,
+        trajectory: &Bound<'py, PyTrajectory>,
+        parts: FollowedParts,
+    ) -> PyResult<Bound<'py, Self>> {
+        let trajectory = trajectory.get().trajectory.clone();
+        let (word, values, sigma_min, eigenvalues, stop) = parts;
+        let stop = stop.zip(trajectory.events().last()).map(|((s, q), event)| Stop {
+            kind: event.kind,
+            s,
+            q,
+            message: event.message.clone(),
+        });
+        let (kind, q) = (word.parse().map_err(to_py)?, trajectory.q().to_vec());
+        let followed = FollowedOptimum { kind, q, values, sigma_min, eigenvalues, stop };
+        Self::new_bound(class.py(), followed, trajectory)
+    }
+}
+
+fn follow_settings(step: Option<f64>) -> FollowSettings {
+    let default = FollowSettings::default();
+    FollowSettings { step: step.unwrap_or(default.step) }
+}
+
+/// Follows a critical point along a path.
+#[pyfunction]
+#[pyo3(name = "follow_optimum", signature = (chain, path, q0, criterion, task=None, *, step=None))]
+pub fn py_follow_optimum<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyChain>,
+    path: &Bound<'py, PyPath>,
+    q0: &Bound<'py, PyAny>,
+    criterion: &Bound<'py, PyCriterion>,
+    task: Option<&Bound<'py, PyAny>>,
+    step: Option<f64>,
+) -> PyResult<Bound<'py, PyFollowedOptimum>> {
+    let (chain, path) = (&chain.get().chain, &path.get().path);
+    let criterion = criterion.get().criterion.clone();
+    let q0 = read_vector(q0, "q0", Some(chain.dof()))?;
+    let (task, settings) = (task_or_pose(task)?, follow_settings(step));
+    let (followed, trajectory) = py
+        .detach(|| {
+            let followed = follow_optimum(chain, path, &q0, criterion.as_ref(), task, &settings)?;
+            let trajectory = followed.trajectory(chain, path)?;
+            Ok((followed, trajectory))
+        })
+        .map_err(to_py)?;
+    PyFollowedOptimum::new_bound(py, followed, trajectory)
+}
+
+/// A critical point at a path's start, and how far it goes.
+#[pyclass(name = "RankedStart", module = "redundancy", frozen)]
+pub struct PyRankedStart {
+    point: Py<PyCriticalPoint>,
+    trajectory: Py<PyFollowedOptimum>,
+}
+
+#[pymethods]
+impl PyRankedStart {
+    #[new]
+    fn new(point: Py<PyCriticalPoint>, trajectory: Py<PyFollowedOptimum>) -> Self {
+        Self { point, trajectory }
+    }
+
+    /// The critical point.
+    #[getter]
+    fn point(&self, py: Python<'_>) -> Py<PyCriticalPoint> {
+        self.point.clone_ref(py)
+    }
+
+    /// Configuration of the critical point.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.point.get().q(py)
+    }
+
+    /// h(q).
+    #[getter]
+    fn value(&self) -> f64 {
+        self.point.get().value()
+    }
+
+    /// What it is.
+    #[getter]
+    fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.point.get().kind(py)
+    }
+
+    /// Whether the path is finished from here.
+    #[getter]
+    fn completed(&self) -> bool {
+        self.trajectory.get().completed()
+    }
+
+    /// What following it gave.
+    #[getter]
+    fn trajectory(&self, py: Python<'_>) -> Py<PyFollowedOptimum> {
+        self.trajectory.clone_ref(py)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("RankedStart({}, {})", self.point.get().__repr__(), self.trajectory.get().__repr__())
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> (Bound<'py, PyType>, (Py<PyCriticalPoint>, Py<PyFollowedOptimum>)) {
+        (py.get_type::<Self>(), (self.point(py), self.trajectory(py)))
+    }
+}
+
+/// Follows every critical point at the start of a path.
+#[pyfunction]
+#[pyo3(name = "rank_starts",
+    signature = (chain, path, criterion, task=None, *, seed=0, starts=None, step=None, threads=None))]
+pub fn py_rank_starts(
+    py: Python<'_>,
+    chain: &Bound<'_, PyChain>,
+    path: &Bound<'_, PyPath>,
+    criterion: &Bound<'_, PyCriterion>,
+    task: Option<&Bound<'_, PyAny>>,
+    seed: u64,
+    starts: Option<usize>,
+    step: Option<f64>,
+    threads: Option<usize>,
+) -> PyResult<Vec<PyRankedStart>> {
+    let (chain, path) = (&chain.get().chain, &path.get().path);
+    let criterion = criterion.get().criterion.clone();
+    let (task, settings) = (task_or_pose(task)?, follow_settings(step));
+    let default = OptimaSettings::default();
+    let optima = OptimaSettings { seed, starts: starts.unwrap_or(default.starts), ..default };
+    let mut ranked = Vec::new();
+    in_blocks(py, 1, 1, threads, |_| {
+        for start in rank_starts(chain, path, criterion.as_ref(), task, &optima, &settings)? {
+            let trajectory = start.followed.trajectory(chain, path)?;
+            ranked.push((start, trajectory));
+        }
+        Ok(())
+    })?;
+    ranked
+        .into_iter()
+        .map(|(start, trajectory)| {
+            Ok(PyRankedStart {
+                point: Py::new(py, PyCriticalPoint { point: start.point })?,
+                trajectory: PyFollowedOptimum::new_bound(py, start.followed, trajectory)?.unbind(),
+            })
+        })
+        .collect()
+}
+
+/// A configuration at which a critical point vanishes.
+#[pyclass(name = "SingularPoint", module = "redundancy", frozen)]
+pub struct PySingularPoint {
+    point: SingularPoint,
+}
+
+#[pymethods]
+impl PySingularPoint {
+    #[new]
+    fn new(q: Vec<f64>, position: [f64; 3], residual: f64, first_joint_free: bool, dimension: usize) -> Self {
+        Self { point: SingularPoint { q, position, residual, first_joint_free, dimension } }
+    }
+
+    /// Configuration.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.point.q)
+    }
+
+    /// Where the tool is.
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.point.position)
+    }
+
+    /// What is left of the equations.
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.point.residual
+    }
+
+    /// Whether every value of the first joint gives one.
+    #[getter]
+    fn first_joint_free(&self) -> bool {
+        self.point.first_joint_free
+    }
+
+    /// Dimension of the set it belongs to.
+    #[getter]
+    fn dimension(&self) -> usize {
+        self.point.dimension
+    }
+
+    fn __repr__(&self) -> String {
+        let SingularPoint { q, position, residual, .. } = &self.point;
+        format!("SingularPoint(q={q:?}, position={position:?}, residual={residual:e})")
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> (Bound<'py, PyType>, (Vec<f64>, [f64; 3], f64, bool, usize)) {
+        let SingularPoint { q, position, residual, first_joint_free, dimension } = self.point.clone();
+        (py.get_type::<Self>(), (q, position, residual, first_joint_free, dimension))
+    }
+}
+
+/// Where critical points vanish.
+#[pyfunction]
+#[pyo3(name = "algorithmic_singularities",
+    signature = (chain, criterion, task=None, *, seed=0, starts=None, threads=None))]
+pub fn py_algorithmic_singularities(
+    py: Python<'_>,
+    chain: &Bound<'_, PyChain>,
+    criterion: &Bound<'_, PyCriterion>,
+    task: Option<&Bound<'_, PyAny>>,
+    seed: u64,
+    starts: Option<usize>,
+    threads: Option<usize>,
+) -> PyResult<Vec<PySingularPoint>> {
+    let chain = &chain.get().chain;
+    let criterion = criterion.get().criterion.clone();
+    let task = task_or_pose(task)?;
+    let default = SingularitySettings::default();
+    let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
+    let mut points = Vec::new();
+    in_blocks(py, 1, 1, threads, |_| {
+        points = algorithmic_singularities(chain, criterion.as_ref(), task, &settings)?;
+        Ok(())
+    })?;
+    Ok(points.into_iter().map(|point| PySingularPoint { point }).collect())
+}
+
+/// Distance of configurations from the nearest algorithmic singularity.
+#[pyfunction]
+#[pyo3(name = "singularity_distance", signature = (chain, q, points))]
+pub fn py_singularity_distance<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyChain>,
+    q: &Bound<'py, PyAny>,
+    points: Vec<Bound<'py, PySingularPoint>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let chain = &chain.get().chain;
+    let rows = read_rows(q, "q", &[chain.dof()])?;
+    let free = points.iter().all(|point| point.get().point.first_joint_free);
+    let points: Vec<Vec<f64>> = points.iter().map(|point| point.get().point.q.clone()).collect();
+    let distances = distance_to_nearest(chain, rows.as_slice()?, &points, free).map_err(to_py)?;
+    match (rows.batch, distances.as_slice()) {
+        (None, [distance]) => Ok(distance.into_pyobject(py)?.into_any()),
+        _ => Ok(PyArray1::from_vec(py, distances).into_any()),
+    }
 }

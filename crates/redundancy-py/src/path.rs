@@ -344,7 +344,7 @@ pub fn paths_raster(
 #[pyclass(name = "Event", module = "redundancy", frozen, eq, skip_from_py_object)]
 #[derive(Clone, PartialEq)]
 pub struct PyEvent {
-    event: Event,
+    pub event: Event,
 }
 
 #[pymethods]
@@ -532,7 +532,7 @@ impl PyTrajectory {
 }
 
 /// `(N, n)` joint rows, flattened.
-fn read_joint_rows(object: &Bound<'_, PyAny>, what: &str, n: usize) -> PyResult<Vec<f64>> {
+pub fn read_joint_rows(object: &Bound<'_, PyAny>, what: &str, n: usize) -> PyResult<Vec<f64>> {
     let rows = read_rows(object, what, &[n])?;
     match rows.batch {
         Some(_) => Ok(rows.as_slice()?.to_vec()),

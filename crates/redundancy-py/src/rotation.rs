@@ -16,7 +16,7 @@ use redundancy_core::{Error, Result, Status};
 use crate::batch::in_blocks;
 use crate::convert::{Fresh, read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
-use crate::status::status_to_py;
+use crate::status::{status_to_py, statuses_to_py};
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 65_536;
@@ -137,7 +137,7 @@ fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
 #[pyclass(name = "Cone", module = "redundancy", frozen, eq, skip_from_py_object)]
 #[derive(Clone, PartialEq)]
 pub struct PyCone {
-    cone: Cone,
+    pub cone: Cone,
 }
 
 #[pymethods]
@@ -301,7 +301,7 @@ impl PySpin {
 #[pyclass(name = "QuaternionVolume", module = "redundancy", frozen, eq, skip_from_py_object)]
 #[derive(Clone, PartialEq)]
 pub struct PyQuaternionVolume {
-    volume: QuaternionVolume,
+    pub volume: QuaternionVolume,
 }
 
 type VolumeState = (Vec<[f64; 3]>, Vec<f64>, Vec<f64>, Option<f64>, [f64; 4], [f64; 4]);
@@ -821,21 +821,7 @@ pub fn optimal_directions<'py>(
     if batch.is_none() {
         return (array.reshape([3])?, status_to_py(py, status[0])?).into_pyobject(py);
     }
-    // A handful of distinct objects: one lookup each.
-    let mut known: Vec<(Status, Py<PyAny>)> = vec![];
-    let mut words: Vec<Py<PyAny>> = Vec::with_capacity(n);
-    for s in status {
-        let word = match known.iter().find(|(k, _)| *k == s) {
-            Some((_, word)) => word.clone_ref(py),
-            None => {
-                let word = status_to_py(py, s)?.unbind();
-                known.push((s, word.clone_ref(py)));
-                word
-            }
-        };
-        words.push(word);
-    }
-    (array, PyArray1::from_vec(py, words)).into_pyobject(py)
+    (array, statuses_to_py(py, &status)?).into_pyobject(py)
 }
 
 macro_rules! angles {

@@ -1,5 +1,6 @@
 //! Core words as members of `redundancy.Status` and `redundancy.EventKind`.
 
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use redundancy_core::Status;
@@ -10,6 +11,27 @@ use redundancy_core::path::EventKind;
 pub fn status_to_py(py: Python<'_>, status: Status) -> PyResult<Bound<'_, PyAny>> {
     static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     member(py, &CLASS, "Status", status.as_str())
+}
+
+/// An object array of members for many statuses; a handful of distinct objects, so one look-up each.
+pub fn statuses_to_py<'py>(
+    py: Python<'py>,
+    statuses: &[Status],
+) -> PyResult<Bound<'py, PyArray1<Py<PyAny>>>> {
+    let mut known: Vec<(Status, Py<PyAny>)> = vec![];
+    let mut words: Vec<Py<PyAny>> = Vec::with_capacity(statuses.len());
+    for s in statuses {
+        let word = match known.iter().find(|(k, _)| k == s) {
+            Some((_, word)) => word.clone_ref(py),
+            None => {
+                let word = status_to_py(py, *s)?.unbind();
+                known.push((*s, word.clone_ref(py)));
+                word
+            }
+        };
+        words.push(word);
+    }
+    Ok(PyArray1::from_vec(py, words))
 }
 
 /// The member of `redundancy.status.EventKind` for a core kind.

@@ -308,7 +308,6 @@ impl Chain {
         });
     }
 
-    #[allow(dead_code)] // `planning` will use it
     /// Derivatives of both parts, for checked arguments.
     pub(crate) fn split_derivatives(
         &self,

@@ -10,6 +10,7 @@ mod scratch;
 mod task;
 mod trigonometry;
 
+pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use null_space::NullSpace;
 pub use scratch::{Kinematics, Scratch};

@@ -111,7 +111,7 @@ pub struct Classifier<'a> {
     stationarity: Stationarity<'a>,
     eigenvalues: Vec<f64>,
     sigma: [f64; 2],
-    residual: f64,
+    pub(super) residual: f64,
 }
 
 impl<'a> Classifier<'a> {

@@ -13,6 +13,12 @@
 
 mod classify;
 mod critical_points;
+mod follow;
+mod singularity;
 
 pub use classify::{Classification, Classifier, CofactorCondition, Kind, classify, cofactor_condition};
 pub use critical_points::{CriticalPoint, OptimaSettings, constrained_optima};
+pub use follow::{
+    FollowSettings, FollowedOptimum, RankedStart, Stop, distance_to_nearest, follow_optimum, rank_starts,
+};
+pub use singularity::{SingularPoint, SingularitySettings, algorithmic_singularities};

@@ -25,6 +25,7 @@
 //!
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
+mod bspline;
 #[allow(clippy::module_inception)]
 mod path;
 mod shapes;
@@ -33,6 +34,7 @@ mod table;
 mod timing;
 mod trajectory;
 
+pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;

@@ -2,11 +2,15 @@
 
 mod arm_clearance;
 mod lines;
+mod orientation_plan;
 mod orientation_rule;
 mod speed;
 mod swivel_flow;
 mod swivel_plan;
 
+pub use orientation_plan::{
+    OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation,
+};
 pub use orientation_rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,

@@ -80,6 +80,14 @@ impl SpeedSettings {
         }
         Err(Error::Invalid("no torque or velocity limit is given: nothing bounds the speed".into()))
     }
+
+    /// Torque limits need inertias.
+    pub(super) fn check_masses(&self, chain: &Chain) -> Result<()> {
+        match &self.torque_limits {
+            Some(limits) if limits.iter().any(|l| l.is_finite()) => chain.masses().map(|_| ()),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// What stops a faster motion.
@@ -180,6 +188,7 @@ pub fn fastest_line(
     settings: &SpeedSettings,
 ) -> Result<MaxSpeed> {
     settings.validate(chain.dof())?;
+    settings.check_masses(chain)?;
     check_length("s", s, poses.len())?;
     let first = poses.first().ok_or_else(|| Error::Invalid("the path has no point".into()))?;
     if let Some(start) = start {
@@ -223,7 +232,7 @@ pub fn fastest_line(
     }
     best.ok_or_else(|| match reason {
         Some(Failure::Speed(error)) => error,
-        Some(Failure::Limits(j, k)) => Error::Invalid(format!(
+        Some(Failure::Limits(j, k)) => Error::CannotFollow(format!(
             "no branch holds the joint limits along the path; the best one leaves those of joint '{}' at point {k}",
             chain.joints()[j].name
         )),
@@ -252,18 +261,18 @@ impl Failure {
 pub(super) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEnd) -> Error {
     let total = poses.len();
     if why == LineEnd::Jump {
-        return Error::Invalid(format!("the arm would have to jump before point {k} of {total}"));
+        return Error::CannotFollow(format!("the arm would have to jump before point {k} of {total}"));
     }
     let far = lines::unreachable(chain, poses);
     if let (Some(first), Some(last)) = (far.first(), far.last()) {
         let count = far.len();
         let which = if last - first + 1 == count { format!("{first} to {last}") } else { list(&far) };
-        return Error::Invalid(format!(
+        return Error::CannotFollow(format!(
             "{count} of {total} points are out of the workspace, indices {which}"
         ));
     }
     let p = poses[k].translation.vector;
-    Error::Invalid(format!(
+    Error::CannotFollow(format!(
         "the arm cannot follow the path: point {k} of {total} at ({:.4}, {:.4}, {:.4}) is not reached on this branch",
         p.x, p.y, p.z
     ))
@@ -326,10 +335,8 @@ impl Terms {
         let (d, dd) = knot_derivatives(s, q, n);
         let (mut weights, mut dynamic) = (vec![0.0; n * rows], vec![0.0; n * rows]);
         let mut inertial = vec![0.0; if accelerated { n * rows } else { 0 }];
-        let bodies: Option<&[Body]> = match &settings.torque_limits {
-            Some(limits) if limits.iter().any(|l| l.is_finite()) => Some(chain.masses()?),
-            _ => chain.masses().ok(),
-        };
+        settings.check_masses(chain)?;
+        let bodies: Option<&[Body]> = chain.masses().ok();
         if let Some(bodies) = bodies {
             let rows = q.par_chunks_exact(n).zip(d.par_chunks_exact(n)).zip(dd.par_chunks_exact(n));
             let out = weights.par_chunks_exact_mut(n).zip(dynamic.par_chunks_exact_mut(n));
@@ -370,7 +377,7 @@ impl Terms {
         }
         let Some((_, i)) = worst else { return Ok(()) };
         let (k, j) = (i / self.n, i % self.n);
-        Err(Error::Invalid(format!(
+        Err(Error::CannotFollow(format!(
             "joint '{}' needs {:.4} N m at point {k} to hold the arm alone, its torque limit is {}",
             chain.joints()[j].name,
             self.weights[i].abs(),

@@ -228,7 +228,7 @@ pub fn self_motion_curves(
     for mut q in random_configurations(chain, seed, starts) {
         if tracer.fibre.reach(&mut q)
             && tracer.fibre.correct(&mut q, settings.step)
-            && !curves.iter_mut().any(|curve| curve.contains(&q))
+            && !curves.iter().any(|curve| curve.contains(&q))
         {
             curves.push(tracer.curve(&q));
         }
@@ -552,6 +552,52 @@ fn from_branch(fibre: &Fibre, branch: &Branch<'_>, settings: &TraceSettings) -> 
 }
 
 impl SelfMotionCurve {
+    /// A curve from its rows, as the accessors give them: the inverse of taking one apart.
+    ///
+    /// # Errors
+    /// Rows that do not fit together or are not finite, a parameter that decreases, an invalid target.
+    pub fn from_rows(
+        chain: &Chain,
+        task: Task,
+        target: &Pose,
+        rows: (Vec<f64>, Vec<f64>, Vec<f64>),
+        status: Status,
+        ends: Vec<Event>,
+    ) -> Result<Self> {
+        check_one_freedom(chain, &task)?;
+        check_pose("target", target)?;
+        let (s, q, tangents) = rows;
+        crate::error::check_finite("s", &s)?;
+        if s.is_empty() || s.windows(2).any(|pair| pair[1] < pair[0]) {
+            return Err(Error::Invalid("s must have a row and increase".into()));
+        }
+        crate::error::check_vector("q", &q, s.len() * chain.dof())?;
+        crate::error::check_vector("tangents", &tangents, s.len() * chain.dof())?;
+        let fibre = Fibre::new(chain, &geometric(task), target);
+        let closed = status == Status::Converged;
+        Ok(Self { fibre, s, q, tangents, closed, status, events: ends })
+    }
+
+    /// The task whose value is held.
+    pub fn task(&self) -> &Task {
+        &self.fibre.task
+    }
+
+    /// The pose whose task value is held.
+    pub fn target(&self) -> &Pose {
+        &self.fibre.target
+    }
+
+    /// Unit tangents row by row.
+    pub fn tangents(&self) -> &[f64] {
+        &self.tangents
+    }
+
+    /// The ends at kinematic singularities alone, see [`events`](Self::events).
+    pub fn ends(&self) -> &[Event] {
+        &self.events
+    }
+
     /// The chain.
     pub fn chain(&self) -> &Chain {
         &self.fibre.chain
@@ -671,7 +717,7 @@ impl SelfMotionCurve {
     }
 
     /// Whether `q` lies on the curve, modulo whole turns.
-    pub fn contains(&mut self, q: &[f64]) -> bool {
+    pub fn contains(&self, q: &[f64]) -> bool {
         let n = self.chain().dof();
         let mut d = vec![0.0; n];
         let mut nearest = (f64::INFINITY, 0);

@@ -12,8 +12,11 @@
 //! - the bound from lines of least and greatest slope;
 //! - the range of the second derivative; where it is positive the minimum is the one zero of the slope.
 //!
-//! Pieces that could still hold something better than the best point found are divided, best bound first, until none
-//! is left: the result is the global minimum up to [`OPTIMUM_GAP`] (on a convex piece, up to rounding). A typical search looks at some 50 pieces.
+//! The search begins with the stretches between neighbouring cuts. The two signs of a middle angle turn or negate its
+//! joint's angles, so two rows of joint ranges per stretch bound all eight branches; the ends of feasible arcs are
+//! evaluated only where a stretch's turn comes. Pieces that could still hold something better than the best point
+//! found are divided, best bound first, until none is left: the result is the global minimum up to [`OPTIMUM_GAP`] (on
+//! a convex piece, up to rounding). A typical search weighs 60 stretches and evaluates the arm at some 30 swivels.
 //!
 //! Other criteria have no such bounds. There each piece is halved until the cubic through values and slopes at its
 //! ends predicts the value in the middle, and every sign change of the slope is refined.
@@ -24,11 +27,13 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::circle::SelfMotion;
 use super::geometry::wrapped;
-use super::spherical::{Range, Spherical, sphericals};
-use super::srs::{Circle, signs, within};
+use super::spherical::{Range, Spherical, greater, lesser, sphericals};
+use super::srs::{Circle, Node, signs, within};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
-use crate::tolerance::{GIMBAL_PASSAGE, OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING};
+use crate::tolerance::{
+    GIMBAL_PASSAGE, LIMIT_SLACK, OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING,
+};
 
 /// A configuration chosen from a circle of solutions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,20 +48,37 @@ pub struct Choice {
     pub value: f64,
 }
 
-/// A swivel with the paper's angles (unwound arm, branch +++ of one elbow) and their rates.
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    s: f64,
-    angles: [f64; 7],
-    rates: [f64; 7],
+/// Seven joints and a lane of padding: loops over it become whole vectors.
+type Row = [f64; 8];
+
+/// A [`Row`] that ends with `padding`.
+fn row(joints: &[f64; 7], padding: f64) -> Row {
+    let mut out = [padding; 8];
+    out[..7].copy_from_slice(joints);
+    out
 }
 
-/// Joint values and rates of one branch at a node; values are unwound by the caller.
+/// One branch at a swivel; joint values are unwound by the caller.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
     s: f64,
-    q: [f64; 7],
-    rate: [f64; 7],
+    q: Row,
+    rate: Row,
+    /// As in [`Node`].
+    cosine: [f64; 2],
+    /// As in [`Node`].
+    cosine_rate: [f64; 2],
+}
+
+/// What the ranges of the joints say about a stretch.
+#[derive(Debug, Clone, Copy)]
+struct Ranges {
+    /// No configuration is better.
+    bound: f64,
+    /// The windings that attain the bound, as angles to add.
+    shifts: Row,
+    /// No other windings come into question.
+    unique: bool,
 }
 
 /// A stretch of one branch on which all joints are monotone.
@@ -65,22 +87,41 @@ struct Piece {
     branch: usize,
     a: Sample,
     b: Sample,
+    ranges: Ranges,
     /// No configuration of the piece is better.
     bound: f64,
     /// Whether the rates are monotone as well.
     rates: bool,
 }
 
-/// A piece that waits for its turn.
+/// A stretch of a feasible arc between neighbouring cuts, or a touching point (equal ends), before it is evaluated.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    branch: usize,
+    lo: f64,
+    hi: f64,
+    /// The cut before `lo`, counted over one turn.
+    cut: usize,
+}
+
+/// What waits for its turn.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    Stretch(Stretch),
+    /// Index into [`Search::pieces`].
+    Piece(usize),
+}
+
+/// A part of a branch that waits for its turn.
 #[derive(Debug)]
 struct Pending {
     bound: f64,
-    piece: Box<Piece>,
+    part: Part,
 }
 
 impl PartialEq for Pending {
     fn eq(&self, other: &Self) -> bool {
-        self.bound == other.bound
+        self.cmp(other) == Ordering::Equal
     }
 }
 impl Eq for Pending {}
@@ -90,17 +131,37 @@ impl PartialOrd for Pending {
     }
 }
 impl Ord for Pending {
-    /// The least bound is the greatest piece: it leaves the heap first.
+    /// The least bound is the greatest part: it leaves the heap first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.bound.total_cmp(&self.bound)
     }
 }
 
+/// The criterion and the limits, joint by joint; the padding weighs nothing and is not limited.
+struct Springs {
+    weight: Row,
+    center: Row,
+    lower: Row,
+    upper: Row,
+}
+
+/// The cuts of one elbow sign.
+struct Elbow {
+    joints: [Spherical; 2],
+    /// The swivels at which a joint stops being monotone, in `(-pi, pi]`.
+    nodes: Vec<Node>,
+    /// The cuts at extrema of the rates, twice around, computed when the first piece asks for them.
+    rate_cuts: Option<Vec<f64>>,
+}
+
 struct Search<'a> {
     motion: &'a SelfMotion,
-    springs: [JointSpring; 7],
+    springs: Springs,
     best: Option<Choice>,
     heap: BinaryHeap<Pending>,
+    /// Pieces in the heap, and free places among them.
+    pieces: Vec<Piece>,
+    free: Vec<usize>,
 }
 
 impl SelfMotion {
@@ -139,28 +200,28 @@ impl SelfMotion {
 
     /// Global minimum of a sum of springs.
     fn softest(&self, springs: [JointSpring; 7]) -> Option<Choice> {
-        let mut search = Search { motion: self, springs, best: None, heap: BinaryHeap::with_capacity(128) };
-        self.for_each_piece(|branch, a, b| {
-            let bound = search.range_bound(&a, &b).0;
-            if !search.is_settled(bound) {
-                search.offer(branch, &a);
-                search.push(Piece { branch, a, b, bound, rates: false });
-            }
-        });
-        search.offer_gimbals();
-        let mut sphericals_of: [Option<[Spherical; 2]>; 2] = [None, None];
-        // The cuts at extrema of the rates, computed when the first piece asks for them.
-        let mut rate_cuts: [Option<Vec<f64>>; 2] = [None, None];
-        while let Some(Pending { piece, .. }) = search.heap.pop() {
-            if search.is_settled(piece.bound) {
+        let mut elbows = self.elbows();
+        let mut search = Search::new(self, &springs);
+        search.push_stretches(&elbows);
+        search.offer_gimbals(&elbows);
+        while let Some(Pending { bound, part }) = search.heap.pop() {
+            if search.is_settled(bound) {
                 break;
             }
-            search.offer(piece.branch, &piece.b);
-            let elbow = usize::from(signs(piece.branch)[1] < 0 && !self.arm.inner.geometry.aligned);
-            let joints = *sphericals_of[elbow].get_or_insert_with(|| {
-                sphericals(&self.arm.inner.geometry, &self.circle, [1.0, -1.0][elbow])
-            });
-            if search.is_convex(&piece, &joints) {
+            let piece = match part {
+                Part::Piece(index) => search.take(index),
+                Part::Stretch(stretch) => match search.evaluated(&stretch, &elbows) {
+                    // Others may be more promising than it has turned out to be.
+                    Some(piece) if search.heap.peek().is_some_and(|next| next.bound < piece.bound) => {
+                        search.push(piece);
+                        continue;
+                    }
+                    Some(piece) => piece,
+                    None => continue,
+                },
+            };
+            let elbow = &mut elbows[self.elbow_of(piece.branch)];
+            if search.is_convex(&piece, &elbow.joints) {
                 search.descend(&piece);
                 continue;
             }
@@ -169,10 +230,15 @@ impl SelfMotion {
                 search.divide(&piece, at, [true, true]);
                 continue;
             }
-            let cuts = rate_cuts[elbow].get_or_insert_with(|| {
+            let joints = &elbow.joints;
+            let cuts = elbow.rate_cuts.get_or_insert_with(|| {
                 let mut cuts = Vec::with_capacity(32);
                 joints.iter().for_each(|joint| joint.push_rate_cuts(&mut cuts));
-                sorted_twice(cuts)
+                sorted(&mut cuts);
+                cuts.extend_from_within(..);
+                let half = cuts.len() / 2;
+                cuts[half..].iter_mut().for_each(|s| *s += TAU);
+                cuts
             });
             let first = cuts.partition_point(|s| *s <= piece.a.s);
             let last = cuts.partition_point(|s| *s < piece.b.s).max(first);
@@ -189,42 +255,51 @@ impl SelfMotion {
         search.best
     }
 
-    /// Calls `visit` for the pieces of every branch inside its feasible arcs on which all joints are monotone, and for
-    /// touching points (with equal ends).
-    fn for_each_piece(&self, mut visit: impl FnMut(usize, Sample, Sample)) {
-        let aligned = self.arm.inner.geometry.aligned;
-        let nodes = [1.0, -1.0].map(|elbow| {
-            if elbow < 0.0 && aligned {
-                return Vec::new();
-            }
-            let mut cuts = Vec::with_capacity(32);
-            for joint in sphericals(&self.arm.inner.geometry, &self.circle, elbow) {
-                joint.push_monotone_cuts(&mut cuts);
-            }
+    /// Which of [`SelfMotion::elbows`] a branch belongs to.
+    fn elbow_of(&self, branch: usize) -> usize {
+        usize::from(signs(branch)[1] < 0 && !self.arm.inner.geometry.aligned)
+    }
+
+    /// The elbow signs that have their own cuts: without an elbow offset the other elbow turns joints 3 and 5 by pi.
+    fn elbows(&self) -> Vec<Elbow> {
+        let geometry = &self.arm.inner.geometry;
+        let signs: &[f64] = if geometry.aligned { &[1.0] } else { &[1.0, -1.0] };
+        let elbow = |sign: &f64| {
+            let joints = sphericals(geometry, &self.circle, *sign);
+            let mut cuts = Vec::with_capacity(16);
+            joints.iter().for_each(|joint| joint.push_monotone_cuts(&mut cuts));
             if cuts.len() < 2 {
                 // Nothing but steady turns: keep the pieces below half a turn.
                 cuts.extend([-PI, -FRAC_PI_2, 0.0, FRAC_PI_2]);
             }
-            let cuts = sorted_twice(cuts);
-            let mut nodes: Vec<Node> =
-                cuts[..cuts.len() / 2].iter().map(|s| self.elbow_node(elbow, *s)).collect();
-            nodes.extend_from_within(..);
-            let half = nodes.len() / 2;
-            nodes[half..].iter_mut().for_each(|n| n.s += TAU);
-            nodes
-        });
+            sorted(&mut cuts);
+            let nodes = cuts.into_iter().map(|s| self.elbow_node(*sign, s)).collect();
+            Elbow { joints, nodes, rate_cuts: None }
+        };
+        signs.iter().map(elbow).collect()
+    }
+
+    /// Calls `visit` for the stretches of every feasible arc on which all joints are monotone, and for touching points.
+    fn for_each_stretch(&self, elbows: &[Elbow], mut visit: impl FnMut(Stretch)) {
         for branch in self.branch_indices() {
-            let nodes = &nodes[usize::from(signs(branch)[1] < 0 && !aligned)];
-            for [lo, hi] in self.arcs().of(branch) {
-                let mut a = self.sample(branch, &self.node(branch, lo));
-                let first = nodes.partition_point(|n| n.s <= lo);
-                for node in nodes[first..].iter().take_while(|n| n.s < hi) {
-                    let b = follow(&a, self.sample(branch, node));
-                    visit(branch, a, b);
-                    a = b;
+            let nodes = &elbows[self.elbow_of(branch)].nodes;
+            let n = nodes.len();
+            let at = |i: usize| nodes[i % n].s + TAU * (i / n) as f64;
+            for [mut lo, mut hi] in self.arcs().of(branch) {
+                if hi - lo >= TAU {
+                    // A full circle begins anywhere.
+                    (lo, hi) = (at(0), at(n));
                 }
-                let b = follow(&a, self.sample(branch, &self.node(branch, hi)));
-                visit(branch, a, b);
+                let mut i = nodes.partition_point(|n| n.s <= lo);
+                loop {
+                    let end = at(i);
+                    let stretch = Stretch { branch, lo, hi: end.min(hi), cut: (i + n - 1) % n };
+                    visit(stretch);
+                    if end >= hi {
+                        break;
+                    }
+                    (lo, i) = (end, i + 1);
+                }
             }
         }
     }
@@ -236,8 +311,7 @@ impl SelfMotion {
 
     fn elbow_node(&self, elbow: f64, s: f64) -> Node {
         let (sin, cos) = s.sin_cos();
-        let (angles, rates) = self.circle.angles_and_rates(&self.arm.inner.geometry, [cos, sin], elbow);
-        Node { s, angles, rates }
+        self.circle.node(&self.arm.inner.geometry, s, [cos, sin], elbow)
     }
 
     /// One branch at a node, principal values.
@@ -251,7 +325,8 @@ impl SelfMotion {
         for i in 0..7 {
             rate[i] *= geometry.sign[i];
         }
-        Sample { s: node.s, q, rate }
+        let Node { s, cosine, cosine_rate, .. } = *node;
+        Sample { s, q: row(&q, 0.0), rate: row(&rate, 0.0), cosine, cosine_rate }
     }
 
     /// Optimum of a criterion without bounds, see the module.
@@ -262,7 +337,7 @@ impl SelfMotion {
         // Value and slope of sign * h at a swivel of a branch; remembers the best.
         let mut probe = |branch: usize, s: f64| -> [f64; 2] {
             let sample = self.sample(branch, &self.node(branch, s));
-            let Some(q) = self.arm.hold_limits(&sample.q) else { return [f64::INFINITY, 0.0] };
+            let Some(q) = self.arm.hold_limits(&joints(&sample.q)) else { return [f64::INFINITY, 0.0] };
             let value = sign * criterion.value(&q);
             criterion.gradient(&q, &mut gradient);
             let slope = sign * gradient.iter().zip(&sample.rate).map(|(g, r)| g * r).sum::<f64>();
@@ -272,7 +347,7 @@ impl SelfMotion {
             [value, slope]
         };
         let mut pieces = Vec::new();
-        self.for_each_piece(|branch, a, b| pieces.push((branch, a.s, b.s)));
+        self.for_each_stretch(&self.elbows(), |s| pieces.push((s.branch, s.lo, s.hi)));
         for (branch, a, b) in pieces {
             let (fa, fb) = (probe(branch, a), probe(branch, b));
             if a == b {
@@ -307,17 +382,121 @@ impl SelfMotion {
     }
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(motion: &'a SelfMotion, springs: &[JointSpring; 7]) -> Self {
+        let inner = &motion.arm.inner;
+        let springs = Springs {
+            weight: row(&springs.map(|s| s.weight), 0.0),
+            center: row(&springs.map(|s| s.center), 0.0),
+            lower: row(&inner.lower, f64::NEG_INFINITY),
+            upper: row(&inner.upper, f64::INFINITY),
+        };
+        Self { motion, springs, best: None, heap: BinaryHeap::new(), pieces: Vec::new(), free: Vec::new() }
+    }
+
     /// True when nothing better than the best point by more than the gap can have this bound.
     fn is_settled(&self, bound: f64) -> bool {
-        self.best.is_some_and(|best| bound >= best.value - OPTIMUM_GAP * (1.0 + best.value.abs()))
+        let better = |best: Choice| bound < best.value - OPTIMUM_GAP * (1.0 + best.value.abs());
+        // Where the values overflow nothing compares as better.
+        self.best.is_some_and(|best| !better(best))
+    }
+
+    /// Weighs all stretches by the ranges of the joints between the cuts.
+    fn push_stretches(&mut self, elbows: &[Elbow]) {
+        let aligned = self.motion.arm.inner.geometry.aligned;
+        let costs: Vec<Vec<[Row; 2]>> = elbows
+            .iter()
+            .map(|Elbow { nodes, .. }| {
+                (0..nodes.len()).map(|i| self.costs(&nodes[i], &nodes[(i + 1) % nodes.len()])).collect()
+            })
+            .collect();
+        let turned = std::array::from_fn::<_, 8, _>(|branch| turned_joints(aligned, branch));
+        let mut list = Vec::with_capacity(80);
+        self.motion.for_each_stretch(elbows, |stretch| {
+            let costs = &costs[self.motion.elbow_of(stretch.branch)][stretch.cut];
+            let bound = (0..7).map(|i| costs[turned[stretch.branch][i]][i]).sum();
+            list.push(Pending { bound, part: Part::Stretch(stretch) });
+        });
+        self.heap = BinaryHeap::from(list);
+    }
+
+    /// Least cost of every joint between neighbouring cuts, in any winding: as it is in branch +++, and turned by pi (a
+    /// middle joint, and the elbow: negated).
+    fn costs(&self, a: &Node, b: &Node) -> [Row; 2] {
+        let geometry = &self.motion.arm.inner.geometry;
+        let (sign, zero) = (row(&geometry.sign, 1.0), row(&geometry.zero, 0.0));
+        let (a, b, ra, rb) =
+            (row(&a.angles, 0.0), row(&b.angles, 0.0), row(&a.rates, 0.0), row(&b.rates, 0.0));
+        let Springs { weight, center, .. } = &self.springs;
+        [(&[1.0; 8], &[0.0; 8]), (&NEGATED, &TURNED)].map(|(factor, turn)| {
+            let mut cost = [0.0; 8];
+            for i in 0..8 {
+                let factor = sign[i] * factor[i];
+                let shift = zero[i] + turn[i];
+                let (qa, qb) = (factor * a[i] + shift, factor * b[i] + shift);
+                let qb = unwound(qa, qb, factor * (ra[i] + rb[i]));
+                let (low, high) = (lesser(qa, qb), greater(qa, qb));
+                // Whatever the limits: the nearest winding may be outside of them, which makes the bound no better.
+                let turns = TAU * turns(center[i] - 0.5 * (low + high));
+                let off = greater(greater(low + turns - center[i], center[i] - high - turns), 0.0);
+                cost[i] = 0.5 * weight[i] * off * off;
+            }
+            cost
+        })
+    }
+
+    /// The piece of a stretch; its ends are offered. `None` when nothing better is left in it.
+    fn evaluated(&mut self, stretch: &Stretch, elbows: &[Elbow]) -> Option<Piece> {
+        let Stretch { branch, lo, hi, cut } = *stretch;
+        let nodes = &elbows[self.motion.elbow_of(branch)].nodes;
+        // An end is a cut, in this turn or the next, or the end of an arc.
+        let at = |s: f64, i: usize| {
+            let node = &nodes[i % nodes.len()];
+            let known = s == node.s || s == node.s + TAU;
+            let mut sample = if known {
+                self.motion.sample(branch, node)
+            } else {
+                self.motion.sample(branch, &self.motion.node(branch, s))
+            };
+            sample.s = s;
+            sample
+        };
+        let a = at(lo, cut);
+        if lo == hi {
+            self.offer(branch, &a);
+            return None;
+        }
+        let b = follow(&a, at(hi, cut + 1));
+        self.offer(branch, &a);
+        self.offer(branch, &b);
+        let ranges = self.ranges(&a, &b)?;
+        let piece = Piece { branch, a, b, ranges, bound: ranges.bound, rates: false };
+        (!self.is_settled(piece.bound)).then_some(piece)
     }
 
     /// Keeps the piece when it may hold something better.
     fn push(&mut self, piece: Piece) {
-        if !self.is_settled(piece.bound) {
-            self.heap.push(Pending { bound: piece.bound, piece: Box::new(piece) });
+        if self.is_settled(piece.bound) {
+            return;
         }
+        let bound = piece.bound;
+        let index = match self.free.pop() {
+            Some(index) => {
+                self.pieces[index] = piece;
+                index
+            }
+            None => {
+                self.pieces.push(piece);
+                self.pieces.len() - 1
+            }
+        };
+        self.heap.push(Pending { bound, part: Part::Piece(index) });
+    }
+
+    /// The piece of that index, whose place becomes free.
+    fn take(&mut self, index: usize) -> Piece {
+        self.free.push(index);
+        self.pieces[index]
     }
 
     /// Replaces a piece by its two parts at `s`; `rates` tells on which of them the rates are monotone.
@@ -327,9 +506,13 @@ impl Search<'_> {
         }
         let middle = self.between(piece, s);
         self.offer(piece.branch, &middle);
-        for ((a, b), rates) in [(piece.a, middle), (middle, piece.b)].into_iter().zip(rates) {
-            let bound = if rates { self.bound(&a, &b) } else { self.range_bound(&a, &b).0 };
-            self.push(Piece { branch: piece.branch, a, b, bound: bound.max(piece.bound), rates });
+        for ((a, b), rates) in [(&piece.a, &middle), (&middle, &piece.b)].into_iter().zip(rates) {
+            let Some(ranges) = self.ranges(a, b) else { continue };
+            let bound = if rates { self.bound(a, b, &ranges) } else { ranges.bound };
+            let bound = greater(bound, piece.bound);
+            if !self.is_settled(bound) {
+                self.push(Piece { branch: piece.branch, a: *a, b: *b, ranges, bound, rates });
+            }
         }
     }
 
@@ -340,19 +523,26 @@ impl Search<'_> {
 
     /// Takes `q` over swivel `s`, each joint in its best winding, when it is better than the best so far; returns its
     /// value (infinite when no winding holds the limits).
-    fn offer_q(&mut self, branch: usize, s: f64, q: &[f64; 7]) -> f64 {
-        let inner = &self.motion.arm.inner;
-        let (mut wound, mut value) = ([0.0; 7], 0.0);
-        for i in 0..7 {
-            let JointSpring { weight, center } = self.springs[i];
-            let Some(at) = nearest_winding(q[i], center, inner.lower[i], inner.upper[i]) else {
-                return f64::INFINITY;
-            };
-            wound[i] = at;
-            value += 0.5 * weight * (at - center).powi(2);
+    fn offer_q(&mut self, branch: usize, s: f64, q: &Row) -> f64 {
+        let Springs { weight, center, lower, upper } = &self.springs;
+        let (mut wound, mut value, mut inside) = ([0.0; 8], 0.0, true);
+        for i in 0..8 {
+            wound[i] = q[i] + TAU * turns(center[i] - q[i]);
+            inside &= (wound[i] >= lower[i]) & (wound[i] <= upper[i]);
+        }
+        if !inside {
+            for i in 0..7 {
+                match within(wound[i], lower[i], upper[i]) {
+                    Some(held) => wound[i] = held,
+                    None => return f64::INFINITY,
+                }
+            }
+        }
+        for i in 0..8 {
+            value += 0.5 * weight[i] * (wound[i] - center[i]) * (wound[i] - center[i]);
         }
         if self.best.is_none_or(|b| value < b.value) {
-            self.best = Some(Choice { q: wound, swivel: wrapped(s), branch, value });
+            self.best = Some(Choice { q: joints(&wound), swivel: wrapped(s), branch, value });
         }
         value
     }
@@ -360,18 +550,16 @@ impl Search<'_> {
     /// Offers what the branches cannot hold: at a gimbal the outer joints of a spherical joint may share their sum in any
     /// way, a line of configurations over one swivel. Where the swivel does not leave the gimbal (shoulder or wrist
     /// stretched out along its neighbours) the best swivel is sampled and refined, not proven.
-    fn offer_gimbals(&mut self) {
+    fn offer_gimbals(&mut self, elbows: &[Elbow]) {
         const SAMPLES: usize = 72;
         let motion = self.motion;
-        let aligned = motion.arm.inner.geometry.aligned;
-        for (e, elbow) in [1.0, -1.0].into_iter().take(if aligned { 1 } else { 2 }).enumerate() {
-            let joints = sphericals(&motion.arm.inner.geometry, &motion.circle, elbow);
+        for (e, Elbow { joints, .. }) in elbows.iter().enumerate() {
             let locked = joints.iter().any(|j| j.locked);
             let passages: Vec<f64> = joints.iter().flat_map(Spherical::gimbals).collect();
             if !locked && passages.is_empty() {
                 continue;
             }
-            for branch in motion.branch_indices().filter(|b| aligned || usize::from(signs(*b)[1] < 0) == e) {
+            for branch in motion.branch_indices().filter(|b| motion.elbow_of(*b) == e) {
                 for s in &passages {
                     self.offer_family(branch, *s);
                 }
@@ -403,7 +591,8 @@ impl Search<'_> {
         let inner = &self.motion.arm.inner;
         let sample = self.motion.sample(branch, &self.motion.node(branch, s));
         let mut q = sample.q;
-        let cost = |i: usize, q: f64| 0.5 * self.springs[i].weight * (q - self.springs[i].center).powi(2);
+        let Springs { weight, center, .. } = &self.springs;
+        let cost = |i: usize, q: f64| 0.5 * weight[i] * (q - center[i]).powi(2);
         for first in [0, 4] {
             let (middle, third) = (first + 1, first + 2);
             let (sin, cos) =
@@ -414,7 +603,7 @@ impl Search<'_> {
             // What the first joint gains the third one loses, or gains as well when the middle angle is pi.
             let ratio =
                 inner.geometry.sign[first] * inner.geometry.sign[third] * if cos > 0.0 { 1.0 } else { -1.0 };
-            let (w, v) = (self.springs[first].weight, self.springs[third].weight);
+            let (w, v) = (weight[first], weight[third]);
             let mut best = f64::INFINITY;
             for turns in -2..=2 {
                 let (x, y) = (sample.q[first], sample.q[third] + TAU * f64::from(turns));
@@ -424,8 +613,7 @@ impl Search<'_> {
                 if low > high {
                     continue;
                 }
-                let wish =
-                    w * (self.springs[first].center - x) + v * ratio * (y - self.springs[third].center);
+                let wish = w * (center[first] - x) + v * ratio * (y - center[third]);
                 let t = if w + v > 0.0 { wish / (w + v) } else { 0.0 }.clamp(low, high);
                 let total = cost(first, x + t) + cost(third, y - ratio * t);
                 if total < best {
@@ -440,33 +628,26 @@ impl Search<'_> {
     /// True when the criterion is strictly convex on the piece, by the ranges of
     /// `sum w (q'^2 + (q - c) q'')`: its minimum there is where the slope vanishes, or at an end.
     fn is_convex(&self, piece: &Piece, joints: &[Spherical; 2]) -> bool {
-        let (_, shifts, unique) = self.range_bound(&piece.a, &piece.b);
-        if !unique {
+        let Piece { a, b, ranges, .. } = piece;
+        if !ranges.unique {
             return false;
         }
         let geometry = &self.motion.arm.inner.geometry;
         let [s2, _, s6] = signs(piece.branch).map(f64::from);
         let mut least = 0.0;
-        for (joint, (first, turned)) in joints.iter().zip([(0, s2), (4, s6)]) {
-            // cos of the middle angle and its rate at both ends.
-            let middle = first + 1;
-            let sign = geometry.sign[middle];
-            let ends = [&piece.a, &piece.b].map(|s| {
-                let (sin, cos) = (sign * (s.q[middle] - geometry.zero[middle])).sin_cos();
-                (cos, -sin * sign * s.rate[middle])
-            });
-            let Some(curvatures) = joint.curvatures([ends[0].0, ends[1].0], [ends[0].1, ends[1].1]) else {
+        for (k, (joint, (first, turned))) in joints.iter().zip([(0, s2), (4, s6)]).enumerate() {
+            let (x, dx) = ([a.cosine[k], b.cosine[k]], [a.cosine_rate[k], b.cosine_rate[k]]);
+            let Some(curvatures) = joint.curvatures(x, dx) else {
                 return false;
             };
             for (k, curvature) in curvatures.into_iter().enumerate() {
                 let i = first + k;
-                let JointSpring { weight, center } = self.springs[i];
                 let sign = geometry.sign[i] * if k == 1 { turned } else { 1.0 };
-                let off = Range::of(piece.a.q[i] + shifts[i] - center, piece.b.q[i] + shifts[i] - center);
+                let pull = ranges.shifts[i] - self.springs.center[i];
+                let off = Range::of(sign * (a.q[i] + pull), sign * (b.q[i] + pull));
                 // Without monotone rates zero is the safe least square.
-                let square =
-                    if piece.rates { Range::of(piece.a.rate[i], piece.b.rate[i]).squared().0 } else { 0.0 };
-                least += weight * (square + off.times(curvature).times(Range(sign, sign)).0);
+                let square = if piece.rates { Range::of(a.rate[i], b.rate[i]).squared().0 } else { 0.0 };
+                least += self.springs.weight[i] * (square + off.times(curvature).0);
             }
         }
         least > 0.0
@@ -474,9 +655,9 @@ impl Search<'_> {
 
     /// Offers the minimum of a convex piece, whose ends have been offered (Illinois' rule on the slope).
     fn descend(&mut self, piece: &Piece) {
-        let shifts = self.range_bound(&piece.a, &piece.b).1;
+        let shifts = &piece.ranges.shifts;
         let (mut a, mut b) = (piece.a.s, piece.b.s);
-        let (mut da, mut db) = (self.slope(&piece.a, &shifts), self.slope(&piece.b, &shifts));
+        let (mut da, mut db) = (self.slope(&piece.a, shifts), self.slope(&piece.b, shifts));
         let mut last = 0.0;
         for _ in 0..60 {
             if da >= 0.0 || db <= 0.0 {
@@ -488,7 +669,7 @@ impl Search<'_> {
             }
             let middle = self.between(piece, s);
             self.offer(piece.branch, &middle);
-            let slope = self.slope(&middle, &shifts);
+            let slope = self.slope(&middle, shifts);
             if slope.abs() <= SLOPE_ROUNDING || b - a <= SLOPE_ROUNDING {
                 return;
             }
@@ -508,13 +689,19 @@ impl Search<'_> {
         let Some(start) = self.best else { return };
         let at = |s: f64| self.motion.sample(start.branch, &self.motion.node(start.branch, s));
         let first = at(start.swivel);
-        let shifts = std::array::from_fn(|i| TAU * turns(start.q[i] - first.q[i]));
+        let mut shifts = [0.0; 8];
+        for i in 0..7 {
+            shifts[i] = TAU * turns(start.q[i] - first.q[i]);
+        }
         let (mut s0, mut d0) = (start.swivel, self.slope(&first, &shifts));
         let mut s1 = s0 + POLISH_STEP;
         for _ in 0..4 {
+            if d0.abs() <= SLOPE_ROUNDING || !self.motion.arcs().holds(start.branch, s1) {
+                return;
+            }
             let sample = at(s1);
             let d1 = self.slope(&sample, &shifts);
-            if d0.abs() <= SLOPE_ROUNDING || d1 == d0 || !self.motion.arcs().holds(start.branch, s1) {
+            if d1 == d0 {
                 return;
             }
             self.offer(start.branch, &sample);
@@ -525,7 +712,7 @@ impl Search<'_> {
     /// The sample of the piece's branch at `s` between its ends, unwound like them.
     fn between(&self, piece: &Piece, s: f64) -> Sample {
         let mut sample = self.motion.sample(piece.branch, &self.motion.node(piece.branch, s));
-        for i in 0..7 {
+        for i in 0..8 {
             // The joint is monotone on the piece: its value lies between those at the ends.
             sample.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - sample.q[i]);
         }
@@ -533,62 +720,93 @@ impl Search<'_> {
     }
 
     /// The slope of the criterion at a sample in the windings `shifts`.
-    fn slope(&self, sample: &Sample, shifts: &[f64; 7]) -> f64 {
-        let term = |i: usize| self.springs[i].weight * (sample.q[i] + shifts[i] - self.springs[i].center);
-        (0..7).map(|i| term(i) * sample.rate[i]).sum()
+    fn slope(&self, sample: &Sample, shifts: &Row) -> f64 {
+        let Springs { weight, center, .. } = &self.springs;
+        let mut sum = 0.0;
+        for i in 0..8 {
+            sum += weight[i] * (sample.q[i] + shifts[i] - center[i]) * sample.rate[i];
+        }
+        sum
     }
 
     /// Where to divide a piece: at the zero of the slope by the secant, kept away from the ends.
     fn split(&self, piece: &Piece) -> f64 {
-        let shifts = self.range_bound(&piece.a, &piece.b).1;
-        let (a, b) = (self.slope(&piece.a, &shifts), self.slope(&piece.b, &shifts));
+        let shifts = &piece.ranges.shifts;
+        let (a, b) = (self.slope(&piece.a, shifts), self.slope(&piece.b, shifts));
         let fraction = if a < 0.0 && b > 0.0 { (a / (a - b)).clamp(0.1, 0.9) } else { 0.5 };
         piece.a.s + fraction * (piece.b.s - piece.a.s)
     }
 
-    /// A lower bound between two samples of a piece from the ranges of the joints, the windings (as angles to add) that
-    /// attain it, and whether no other windings come into question.
-    fn range_bound(&self, a: &Sample, b: &Sample) -> (f64, [f64; 7], bool) {
-        let inner = &self.motion.arm.inner;
-        let (mut bound, mut shifts, mut unique) = (0.0, [0.0; 7], true);
-        for i in 0..7 {
-            let JointSpring { weight, center } = self.springs[i];
-            let (low, high) = if a.q[i] <= b.q[i] { (a.q[i], b.q[i]) } else { (b.q[i], a.q[i]) };
-            let span = nearest_span(low, high, center, inner.lower[i], inner.upper[i]);
-            bound += 0.5 * weight * span.distance * span.distance;
-            shifts[i] = span.shift;
-            unique &= span.unique || weight == 0.0;
+    /// What the ranges of the joints between two samples of a piece say; `None` where a joint has no winding within its
+    /// limits (next to the end of an arc, by rounding).
+    fn ranges(&self, a: &Sample, b: &Sample) -> Option<Ranges> {
+        let Springs { weight, center, lower, upper } = &self.springs;
+        let (mut shifts, mut off, mut plain) = ([0.0; 8], [0.0; 8], [false; 8]);
+        for i in 0..8 {
+            let (low, high) = (lesser(a.q[i], b.q[i]), greater(a.q[i], b.q[i]));
+            shifts[i] = TAU * turns(center[i] - 0.5 * (low + high));
+            let (low, high) = (low + shifts[i], high + shifts[i]);
+            off[i] = greater(greater(low - center[i], center[i] - high), 0.0);
+            // Nearer to the centre than any other winding, everywhere, and within the limits: the common case.
+            plain[i] =
+                (low >= lower[i]) & (high <= upper[i]) & (low >= center[i] - PI) & (high <= center[i] + PI);
         }
-        (bound, shifts, unique)
+        let (mut bound, mut unique) = (0.0, true);
+        if plain != [true; 8] {
+            for i in (0..7).filter(|i| !plain[*i]) {
+                let span = nearest_span(a.q[i], b.q[i], center[i], lower[i], upper[i])?;
+                (off[i], shifts[i]) = (span.distance, span.shift);
+                unique &= span.unique || weight[i] == 0.0;
+            }
+        }
+        for i in 0..8 {
+            bound += 0.5 * weight[i] * off[i] * off[i];
+        }
+        Some(Ranges { bound, shifts, unique })
     }
 
     /// A lower bound between two samples of a piece whose rates are monotone.
-    fn bound(&self, a: &Sample, b: &Sample) -> f64 {
-        let (by_range, shifts, unique) = self.range_bound(a, b);
-        if !unique {
-            return by_range;
+    fn bound(&self, a: &Sample, b: &Sample, ranges: &Ranges) -> f64 {
+        if !ranges.unique {
+            return ranges.bound;
         }
+        let Springs { weight, center, .. } = &self.springs;
         // With the windings fixed: the derivative is a sum of products of two intervals, w (q - c) and q'.
-        let (mut slope, mut ends) = ([0.0, 0.0], [0.0, 0.0]);
-        for i in 0..7 {
-            let JointSpring { weight, center } = self.springs[i];
-            let (qa, qb) = (a.q[i] + shifts[i] - center, b.q[i] + shifts[i] - center);
-            let products = [qa * a.rate[i], qa * b.rate[i], qb * a.rate[i], qb * b.rate[i]];
-            slope[0] += weight * products[0].min(products[1]).min(products[2].min(products[3]));
-            slope[1] += weight * products[0].max(products[1]).max(products[2].max(products[3]));
-            ends[0] += 0.5 * weight * qa * qa;
-            ends[1] += 0.5 * weight * qb * qb;
+        let (mut d0, mut d1, mut fa, mut fb) = (0.0, 0.0, 0.0, 0.0);
+        for i in 0..8 {
+            let (qa, qb) = (a.q[i] + ranges.shifts[i] - center[i], b.q[i] + ranges.shifts[i] - center[i]);
+            let p = [qa * a.rate[i], qa * b.rate[i], qb * a.rate[i], qb * b.rate[i]];
+            d0 += weight[i] * lesser(lesser(p[0], p[1]), lesser(p[2], p[3]));
+            d1 += weight[i] * greater(greater(p[0], p[1]), greater(p[2], p[3]));
+            fa += 0.5 * weight[i] * qa * qa;
+            fb += 0.5 * weight[i] * qb * qb;
         }
-        let ([fa, fb], [d0, d1]) = (ends, slope);
         if d0 >= 0.0 || d1 <= 0.0 {
             // Monotone: the minimum is at an end, which has been offered.
-            return fa.min(fb).max(by_range);
+            return greater(lesser(fa, fb), ranges.bound);
         }
         // The line of least slope from a and that of greatest slope to b meet below the function.
         let h = b.s - a.s;
         let x = ((fa - fb + d1 * h) / (d1 - d0)).clamp(0.0, h);
-        by_range.max((fa + d0 * x).min(fb - d1 * (h - x)))
+        greater(ranges.bound, lesser(fa + d0 * x, fb - d1 * (h - x)))
     }
+}
+
+/// Factors and turns of the paper's angles from one sign of the middle angles to the other.
+const NEGATED: Row = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0];
+const TURNED: Row = [PI, 0.0, PI, 0.0, PI, 0.0, PI, 0.0];
+
+/// For every joint 1 where a branch turns (or negates) it against branch +++ of its elbow.
+fn turned_joints(aligned: bool, branch: usize) -> [usize; 7] {
+    let [s2, s4, s6] = signs(branch).map(|s| usize::from(s < 0));
+    // Without an elbow offset all branches share one elbow, and the other one turns joints 3 and 5.
+    let along = if aligned { s4 } else { 0 };
+    [s2, s2, s2 ^ along, s4, s6 ^ along, s6, s6]
+}
+
+/// The joints of a row.
+fn joints(row: &Row) -> [f64; 7] {
+    std::array::from_fn(|i| row[i])
 }
 
 /// The winding of `q` within the limits that is nearest to `center`.
@@ -605,64 +823,66 @@ struct Span {
     unique: bool,
 }
 
-/// Windings of `[low, high]` against the limits: which is nearest to `center`, and is it the only candidate.
-fn nearest_span(low: f64, high: f64, center: f64, lower: f64, upper: f64) -> Span {
-    let distance = |shift: f64, a: f64, b: f64| (a + shift - center).max(center - b - shift).max(0.0);
-    let main = turns(center - 0.5 * (low + high));
-    let shift = TAU * main;
-    let (a, b) = (low + shift, high + shift);
-    // Nearer to the centre than any other winding, everywhere, and within the limits: the common case.
-    if a >= lower && b <= upper && a >= center - PI && b <= center + PI {
-        return Span { distance: distance(shift, low, high), shift, unique: true };
+/// Windings of the angles between `a` and `b` against the limits: which is nearest to `center`, and is it the only
+/// candidate. `None` when there is none.
+#[cold]
+fn nearest_span(a: f64, b: f64, center: f64, lower: f64, upper: f64) -> Option<Span> {
+    let (low, high) = (lesser(a, b), greater(a, b));
+    // Windings of which some part is within the limits, with the slack of `within`: what is offered there is taken. More
+    // slack would be a range in which the bound promises what no point can hold.
+    let first = ((lower - high - LIMIT_SLACK) / TAU).ceil();
+    let last = ((upper - low + LIMIT_SLACK) / TAU).floor();
+    if first > last {
+        return None;
     }
-    // Windings of which some part is within the limits.
-    let first = ((lower - high - UNWIND_ROUNDING) / TAU).ceil();
-    let last = ((upper - low + UNWIND_ROUNDING) / TAU).floor();
-    let nearest = main.max(first).min(last);
-    let clipped = |k: f64| distance(0.0, (low + TAU * k).max(lower), (high + TAU * k).min(upper));
-    let mut best = Span { distance: clipped(nearest), shift: TAU * nearest, unique: true };
-    for k in [nearest - 1.0, nearest + 1.0] {
-        if k >= first && k <= last {
+    let nearest = turns(center - 0.5 * (low + high)).max(first).min(last);
+    let distance = |k: f64| {
+        let (a, b) = ((low + TAU * k).max(lower), (high + TAU * k).min(upper));
+        (a - center).max(center - b).max(0.0)
+    };
+    let mut best = Span { distance: distance(nearest), shift: TAU * nearest, unique: true };
+    let (a, b) = (low + best.shift, high + best.shift);
+    // A neighbour is a candidate where it is the nearer one, or where this one breaks a limit.
+    let everywhere = a >= lower && b <= upper;
+    for (k, farther) in [(nearest - 1.0, b <= center + PI), (nearest + 1.0, a >= center - PI)] {
+        if k >= first && k <= last && !(farther && everywhere) {
             best.unique = false;
-            best.distance = best.distance.min(clipped(k));
+            best.distance = best.distance.min(distance(k));
         }
     }
-    best
+    Some(best)
 }
 
-/// Sorted, without repeats, and once more a turn further on: arcs that cross pi find their cuts in one run.
-fn sorted_twice(mut cuts: Vec<f64>) -> Vec<f64> {
+/// Sorted and without repeats.
+fn sorted(cuts: &mut Vec<f64>) {
     cuts.sort_unstable_by(f64::total_cmp);
     cuts.dedup();
-    let n = cuts.len();
-    cuts.extend_from_within(..);
-    cuts[n..].iter_mut().for_each(|s| *s += TAU);
-    cuts
 }
 
-/// The number of whole turns nearest to an angle (of moderate size).
+/// The number of whole turns nearest to an angle, up to 2^31 of them.
 #[inline(always)]
 fn turns(angle: f64) -> f64 {
     const PER_RADIAN: f64 = 1.0 / TAU;
-    let x = angle * PER_RADIAN;
-    f64::from((x + 0.5_f64.copysign(x)) as i32)
+    const MOST: f64 = 2_147_483_648.0;
+    // Numbers of this size, 1.5 * 2^52, have no fraction: to add and subtract it rounds.
+    const WHOLE: f64 = 6_755_399_441_055_744.0;
+    let x = greater(lesser(angle * PER_RADIAN, MOST), -MOST);
+    (x + WHOLE) - WHOLE
 }
 
 /// `b` with the windings that monotone joints reach from `a`.
 fn follow(a: &Sample, mut b: Sample) -> Sample {
-    for i in 0..7 {
+    for i in 0..8 {
         b.q[i] = unwound(a.q[i], b.q[i], a.rate[i] + b.rate[i]);
     }
     b
 }
 
 /// `end` with the winding that a monotone joint reaches from `start` when its rate has the sign of `direction`.
+#[inline(always)]
 fn unwound(start: f64, end: f64, direction: f64) -> f64 {
     let step = (end - start) - TAU * turns(end - start);
     // A step against the direction is rounding, or more than half a turn.
-    if step * direction < 0.0 && step.abs() > UNWIND_ROUNDING {
-        start + step + TAU * direction.signum()
-    } else {
-        start + step
-    }
+    let against = (step * direction < 0.0) & (step.abs() > UNWIND_ROUNDING);
+    start + step + if against { TAU.copysign(direction) } else { 0.0 }
 }

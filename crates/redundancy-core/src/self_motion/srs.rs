@@ -125,6 +125,19 @@ pub(super) struct Circle {
     pub tool: Matrix3<f64>,
 }
 
+/// The angles of one elbow sign at a swivel ([`Circle::angles`]) with their rates.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    pub s: f64,
+    pub angles: [f64; 7],
+    /// `d/ds` of the angles, unwound arm, branch +++.
+    pub rates: [f64; 7],
+    /// Cosines of the middle angles of shoulder and wrist; they are the same in every branch.
+    pub cosine: [f64; 2],
+    /// `d/ds` of the cosines.
+    pub cosine_rate: [f64; 2],
+}
+
 /// Distance from shoulder to wrist outside of the reach, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Reach {
@@ -177,12 +190,18 @@ impl Circle {
         arc_tangents(self.pairs(geometry, u, elbow))
     }
 
-    /// The same with their rates `d/ds`.
-    pub fn angles_and_rates(&self, geometry: &Geometry, u: [f64; 2], elbow: f64) -> ([f64; 7], [f64; 7]) {
+    /// The same as a [`Node`], `u` being that of swivel `s`.
+    pub fn node(&self, geometry: &Geometry, s: f64, u: [f64; 2], elbow: f64) -> Node {
         let pairs = self.pairs(geometry, u, elbow);
         let [a, b, c] = zyz_rates(&self.n, pairs[0], pairs[1]);
         let [d, e, f] = zyz_rates(&self.wrist_turn(geometry, elbow), pairs[4], pairs[5]);
-        (arc_tangents(pairs), [a, b, c, 0.0, d, e, f])
+        Node {
+            s,
+            angles: arc_tangents(pairs),
+            rates: [a, b, c, 0.0, d, e, f],
+            cosine: [pairs[1][1], pairs[5][1]],
+            cosine_rate: [-pairs[1][0] * b, -pairs[5][0] * e],
+        }
     }
 
     /// Sines and cosines of [`Circle::angles`], up to a positive factor; of unit length for the first two of a joint.
@@ -270,7 +289,7 @@ impl Circle {
     pub fn tangent(&self, geometry: &Geometry, u: [f64; 2], branch: usize) -> [f64; 7] {
         let [s2, s4, s6] = signs(branch).map(f64::from);
         // The other shoulder and wrist turn their middle joints backwards and the others alike.
-        let (_, mut rates) = self.angles_and_rates(geometry, u, s4);
+        let mut rates = self.node(geometry, 0.0, u, s4).rates;
         rates[1] *= s2;
         rates[5] *= s6;
         for i in 0..7 {

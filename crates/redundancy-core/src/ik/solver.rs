@@ -1,0 +1,669 @@
+//! A solver that never misses: the closed form where the arm has one, else ranked starts and Levenberg-Marquardt.
+//!
+//! 1. Closed form ([`SphericalWristArm`] for six joints, [`SrsArm`] for seven): exact, also about poses that have no answer.
+//!    Arms with small defects are polished by step 3.
+//! 2. The given start, then stored configurations in the order of what is left of the error when their first and last
+//!    joints are at their analytic best: the sub-problem of [FromGravdahl2007] as a warm-up.
+//! 3. Levenberg-Marquardt with limits from each, given up where progress is slow.
+//! 4. If none arrives, the best of them once more with patience, then random starts.
+//! 5. If there is a criterion, it is brought to a stationary value in the null space of the task.
+//!
+//! Stops on a real tolerance: metres and radians, measured by forward kinematics on the configuration that is returned.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use nalgebra::DMatrix;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::goal::{Goal, OrientationSet};
+use super::newton::{End, Problem, Run, Workspace};
+use super::spherical_wrist::SphericalWristArm;
+use super::starts::{Starts, ranges};
+use crate::chain::Chain;
+use crate::criterion::{Criterion, check_dof};
+use crate::error::{Error, Result};
+use crate::kinematics::{Task, TaskKind};
+use crate::pose::{Pose, check_pose};
+use crate::self_motion::SrsArm;
+use crate::status::Status;
+use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
+
+/// Most steps of one run.
+const RUN: usize = 100;
+/// Stored configurations tried before patience and chance.
+const RANKED: usize = 32;
+/// Starts that ask whether a pose would be reached without limits.
+const UNLIMITED: usize = 8;
+/// Stored configurations; more rank better but take longer to compare.
+const STORED: usize = 1024;
+/// Swivels at which the closed form looks for a branch within limits before it asks for the exact arcs.
+const SWIVELS: usize = 8;
+/// Most steps along a criterion.
+const CRITERION_STEPS: usize = 200;
+/// Longest step along a criterion, rad or m.
+const CRITERION_STEP: f64 = 0.3;
+
+/// How a pose is turned into a configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum IkMethod {
+    /// The closed form where the arm has one, else ranked starts and Levenberg-Marquardt.
+    Hybrid,
+    /// Levenberg-Marquardt from the given start, then from random ones.
+    Newton,
+}
+
+impl IkMethod {
+    /// Every method.
+    pub const ALL: [Self; 2] = [Self::Hybrid, Self::Newton];
+
+    /// The method as a word.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Hybrid => "hybrid",
+            Self::Newton => "newton",
+        }
+    }
+
+    /// The method with this name.
+    ///
+    /// # Errors
+    /// An unknown name; the message lists the known ones.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|m| m.as_str() == name).ok_or_else(|| Error::UnknownName {
+            kind: "method",
+            name: name.into(),
+            valid: Self::ALL.iter().map(|m| m.as_str().to_owned()).collect(),
+        })
+    }
+}
+
+/// Settings of [`IkSolver`].
+#[derive(Debug, Clone)]
+pub struct IkSettings {
+    /// How.
+    pub method: IkMethod,
+    /// Which coordinates count.
+    pub task: Task,
+    /// Largest distance from the target that counts as reached, m.
+    pub tol_position: f64,
+    /// Largest angle from the target that counts as reached, rad.
+    pub tol_orientation: f64,
+    /// Most iterations over all starts.
+    pub max_iterations: usize,
+    /// Most starts after the first.
+    pub restarts: usize,
+    /// Seconds after which the best configuration so far is returned.
+    pub time_limit: Option<f64>,
+    /// What to do with spare freedom.
+    pub criterion: Option<Arc<dyn Criterion>>,
+    /// Orientations that count as reached, instead of the target's alone.
+    pub orientation_set: Option<OrientationSet>,
+    /// Whether the closed form of the arm is used where it has one.
+    pub closed_form: bool,
+}
+
+impl Default for IkSettings {
+    fn default() -> Self {
+        Self {
+            method: IkMethod::Hybrid,
+            task: Task::POSE,
+            tol_position: 1e-6,
+            tol_orientation: 1e-6,
+            max_iterations: 10_000,
+            restarts: 200,
+            time_limit: None,
+            criterion: None,
+            orientation_set: None,
+            closed_form: true,
+        }
+    }
+}
+
+impl IkSettings {
+    /// Checks every setting against its range and against `chain`.
+    ///
+    /// # Errors
+    /// The setting, its value and its bound.
+    pub fn validate(&self, chain: &Chain) -> Result<()> {
+        let positive = |what: &str, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(());
+            }
+            Err(Error::OutOfRange { what: what.into(), value, bound: "> 0 and finite".into() })
+        };
+        positive("tol_position", self.tol_position)?;
+        positive("tol_orientation", self.tol_orientation)?;
+        if let Some(limit) = self.time_limit {
+            positive("time_limit", limit)?;
+        }
+        if self.max_iterations == 0 {
+            let what = "max_iterations".into();
+            return Err(Error::OutOfRange { what, value: 0.0, bound: ">= 1".into() });
+        }
+        if let Some(criterion) = &self.criterion {
+            check_dof(&**criterion, chain.dof())?;
+        }
+        let whole = matches!(self.task.kind(), TaskKind::Pose | TaskKind::PoseRpy);
+        if self.orientation_set.is_some() && !whole {
+            return Err(Error::Invalid(format!(
+                "orientation_set needs the task pose: the task {} leaves orientations free already",
+                self.task
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// The answer over one pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IkResult {
+    /// The configuration, within the joint limits; the best one found where the status is not `Converged`.
+    pub q: Vec<f64>,
+    /// `Converged`; `Unreachable`: every start ended stationary above the tolerance (exact from a closed form); `Limits`:
+    /// reached, but only outside the joint limits; `IterationLimit` or `TimeLimit`.
+    pub status: Status,
+    /// Iterations over all starts; 0 from a closed form.
+    pub iterations: usize,
+    /// Distance from the target, m, of what counts of it; measured by forward kinematics on `q`.
+    pub position_error: f64,
+    /// Angle from the target, rad, of what counts of it; measured by forward kinematics on `q`.
+    pub orientation_error: f64,
+}
+
+impl IkResult {
+    /// An answer to be filled in, for `n` joints.
+    pub fn new(n: usize) -> Self {
+        let (position_error, orientation_error) = (f64::INFINITY, f64::INFINITY);
+        Self {
+            q: vec![0.0; n],
+            status: Status::IterationLimit,
+            iterations: 0,
+            position_error,
+            orientation_error,
+        }
+    }
+
+    /// What the status means here, with the numbers; empty when converged.
+    pub fn reason(&self) -> String {
+        let miss = format!(
+            "{:.6} mm and {:.6} mrad from the target",
+            1e3 * self.position_error,
+            1e3 * self.orientation_error
+        );
+        match self.status {
+            Status::Converged => String::new(),
+            Status::Unreachable => format!("out of reach; the nearest pose found is {miss}"),
+            Status::Limits => {
+                format!(
+                    "in reach only outside of the joint limits; within them the nearest pose found is {miss}"
+                )
+            }
+            other => format!("{other} after {} iterations, {miss}", self.iterations),
+        }
+    }
+}
+
+/// The closed form of an arm.
+#[derive(Debug, Clone)]
+enum Closed {
+    Srs(SrsArm),
+    Wrist(SphericalWristArm),
+}
+
+/// From poses to configurations of one chain.
+///
+/// ```
+/// use redundancy_core::chain::catalog;
+/// use redundancy_core::ik::{IkSettings, IkSolver};
+/// use redundancy_core::Status;
+/// let chain = catalog::load("panda")?;
+/// let solver = IkSolver::new(&chain, IkSettings::default())?;
+/// let target = chain.forward(&[0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])?;
+/// let result = solver.solve(&target, None, 0)?;
+/// assert_eq!(result.status, Status::Converged);
+/// assert!(result.position_error <= 1e-6 && result.orientation_error <= 1e-6);
+/// assert!(chain.within_limits(&result.q, 0.0));
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct IkSolver {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    chain: Chain,
+    settings: IkSettings,
+    starts: Starts,
+    closed: Option<Closed>,
+    unlimited: (Vec<f64>, Vec<f64>),
+}
+
+/// What one call needs, allocated once and reused: the numeric path allocates nothing while solving.
+#[derive(Debug, Clone)]
+pub struct IkMemory {
+    work: Workspace,
+    scores: Vec<f32>,
+    q: Vec<f64>,
+    gradient: Vec<f64>,
+    step: Vec<f64>,
+    hessian: DMatrix<f64>,
+}
+
+/// Progress over several starts.
+struct Search {
+    best: Run,
+    iterations: usize,
+    capped: bool,
+    deadline: Option<Instant>,
+    /// Starts left.
+    starts: usize,
+}
+
+impl Search {
+    /// Why to stop, if there is a reason.
+    fn over(&self, settings: &IkSettings) -> Option<Status> {
+        if self.iterations >= settings.max_iterations {
+            Some(Status::IterationLimit)
+        } else if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            Some(Status::TimeLimit)
+        } else {
+            None
+        }
+    }
+}
+
+impl IkSolver {
+    /// A solver for `chain`; stores a thousand configurations (about a millisecond).
+    ///
+    /// # Errors
+    /// A setting out of its range; a criterion for another number of joints; an orientation set for a task that leaves
+    /// orientations free.
+    pub fn new(chain: &Chain, settings: IkSettings) -> Result<Self> {
+        settings.validate(chain)?;
+        let whole = matches!(settings.task.kind(), TaskKind::Pose | TaskKind::PoseRpy);
+        let starts = Starts::new(chain, &settings.task, whole, STORED, IK_RADIANS_PER_METRE);
+        let wanted = settings.closed_form && settings.method == IkMethod::Hybrid;
+        let closed = if wanted && whole && settings.orientation_set.is_none() {
+            let wrist = SphericalWristArm::new(chain).ok().map(Closed::Wrist);
+            wrist.or_else(|| SrsArm::new(chain).ok().map(Closed::Srs))
+        } else {
+            None
+        };
+        let bound = |sign: f64| -> Vec<f64> { vec![sign * f64::INFINITY; chain.dof()] };
+        let unlimited = (bound(-1.0), bound(1.0));
+        Ok(Self { inner: Arc::new(Inner { chain: chain.clone(), settings, starts, closed, unlimited }) })
+    }
+
+    /// The chain.
+    pub fn chain(&self) -> &Chain {
+        &self.inner.chain
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &IkSettings {
+        &self.inner.settings
+    }
+
+    /// The closed form in use: `spherical_wrist`, `srs`, or none.
+    pub fn closed_form(&self) -> Option<&'static str> {
+        match self.inner.closed.as_ref()? {
+            Closed::Srs(_) => Some("srs"),
+            Closed::Wrist(_) => Some("spherical_wrist"),
+        }
+    }
+
+    /// Memory for this solver.
+    pub fn memory(&self) -> IkMemory {
+        let n = self.chain().dof();
+        IkMemory {
+            work: Workspace::new(self.chain()),
+            scores: vec![0.0; self.inner.starts.len()],
+            q: vec![0.0; n],
+            gradient: vec![0.0; n],
+            step: vec![0.0; n],
+            hessian: DMatrix::zeros(n, n),
+        }
+    }
+
+    /// A configuration over `pose`. With `q0` the search begins there (and a closed form returns what is near it); `seed`
+    /// decides the random starts, if it comes to those: the same seed gives the same bits.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite, a `q0` of wrong length or not finite.
+    pub fn solve(&self, pose: &Pose, q0: Option<&[f64]>, seed: u64) -> Result<IkResult> {
+        let mut result = IkResult::new(self.chain().dof());
+        self.solve_into(pose, q0, seed, &mut self.memory(), &mut result)?;
+        Ok(result)
+    }
+
+    /// [`IkSolver::solve`] into memory of the caller.
+    ///
+    /// # Errors
+    /// As [`IkSolver::solve`], and a `result` or `memory` made for another number of joints.
+    pub fn solve_into(
+        &self,
+        pose: &Pose,
+        q0: Option<&[f64]>,
+        seed: u64,
+        memory: &mut IkMemory,
+        result: &mut IkResult,
+    ) -> Result<()> {
+        check_pose("pose", pose)?;
+        let n = self.chain().dof();
+        if let Some(q0) = q0 {
+            crate::error::check_vector("q0", q0, n)?;
+        }
+        crate::error::check_length("result", &result.q, n)?;
+        crate::error::check_length("memory", &memory.q, n)?;
+        self.solve_unchecked(pose, q0, seed, memory, result);
+        Ok(())
+    }
+
+    /// [`IkSolver::solve_into`] for checked input.
+    pub(crate) fn solve_unchecked(
+        &self,
+        pose: &Pose,
+        q0: Option<&[f64]>,
+        seed: u64,
+        memory: &mut IkMemory,
+        result: &mut IkResult,
+    ) {
+        let Inner { chain, settings, closed, .. } = &*self.inner;
+        let set = settings.orientation_set.as_ref();
+        let goal = Goal { target: *pose, task: settings.task, set, scale: IK_RADIANS_PER_METRE };
+        let problem = Problem {
+            chain,
+            lower: chain.lower(),
+            upper: chain.upper(),
+            tol_position: settings.tol_position,
+            tol_orientation: settings.tol_orientation,
+        };
+        result.iterations = 0;
+        let mut known = None;
+        if let Some(closed) = closed {
+            known = self.closed(closed, pose, q0, &mut result.q);
+            if known.is_none() {
+                let run = problem.run(&goal, &mut result.q, &mut memory.work, RUN, true);
+                report(result, &run, Status::Converged);
+                if run.end == End::Converged {
+                    return;
+                }
+            }
+        }
+        self.search(&problem, &goal, q0, seed, known, memory, result);
+        if result.status == Status::Converged && settings.criterion.is_some() {
+            self.improve(&problem, &goal, memory, result);
+        }
+    }
+
+    /// Steps 2 to 4 of the module. `known` is the status that a closed form has proven: then only the nearest pose is
+    /// looked for.
+    fn search(
+        &self,
+        problem: &Problem<'_>,
+        goal: &Goal<'_>,
+        q0: Option<&[f64]>,
+        seed: u64,
+        known: Option<Status>,
+        memory: &mut IkMemory,
+        result: &mut IkResult,
+    ) {
+        let Inner { chain, settings, starts, unlimited, .. } = &*self.inner;
+        let nothing = Run {
+            end: End::Stalled,
+            iterations: 0,
+            position: f64::INFINITY,
+            orientation: f64::INFINITY,
+            cost: f64::INFINITY,
+        };
+        let deadline = settings.time_limit.map(|limit| Instant::now() + Duration::from_secs_f64(limit));
+        let mut search =
+            Search { best: nothing, iterations: 0, capped: false, deadline, starts: settings.restarts + 1 };
+        let mut stopped = None;
+        let ranked = if settings.method == IkMethod::Hybrid { RANKED } else { 0 };
+        let near = nominal(goal);
+        let mut azimuth = None;
+        let mut count = 0;
+        // The given start, ranked ones, the best of them with patience, random ones.
+        let mut rng = None;
+        let mut polished = f64::INFINITY;
+        while search.starts > 0 {
+            let mut patient = false;
+            let first = count == 0;
+            count += 1;
+            if let (true, Some(q0)) = (first, q0) {
+                for (q, (x, (lo, hi))) in
+                    memory.q.iter_mut().zip(q0.iter().zip(chain.lower().iter().zip(chain.upper())))
+                {
+                    *q = x.clamp(*lo, *hi);
+                }
+            } else if count <= ranked {
+                let angle = *azimuth.get_or_insert_with(|| starts.score(&near, &mut memory.scores));
+                // Entries whose end joints the limits forbid wait for later, unless there is nothing else.
+                for _ in 0..RANKED {
+                    let entry = starts.take_best(&mut memory.scores);
+                    if starts.write(chain, entry, &near, angle, &mut memory.q) {
+                        break;
+                    }
+                }
+            } else if search.best.cost < polished && search.best.end != End::Converged {
+                patient = true;
+                polished = search.best.cost;
+                memory.q.copy_from_slice(&result.q);
+            } else {
+                let rng = rng.get_or_insert_with(|| ChaCha8Rng::seed_from_u64(seed));
+                for (q, [lo, hi]) in memory.q.iter_mut().zip(ranges(chain)) {
+                    *q = lo + (hi - lo) * rng.random::<f64>();
+                }
+            }
+            search.starts -= 1;
+            let cap = RUN.min(settings.max_iterations - search.iterations);
+            let run = problem.run(goal, &mut memory.q, &mut memory.work, cap, patient);
+            search.iterations += run.iterations;
+            search.capped |= run.end == End::Capped;
+            if run.cost < search.best.cost || run.end == End::Converged {
+                search.best = run;
+                result.q.copy_from_slice(&memory.q);
+            }
+            if run.end == End::Converged {
+                break;
+            }
+            stopped = search.over(settings);
+            if stopped.is_some() || (known.is_some() && patient) {
+                break;
+            }
+        }
+        // Whoever is out of starts without patience gets it once.
+        if stopped.is_none() && search.best.end != End::Converged && search.best.cost < polished {
+            memory.q.copy_from_slice(&result.q);
+            let run = problem.run(goal, &mut memory.q, &mut memory.work, RUN, true);
+            search.iterations += run.iterations;
+            if run.cost <= search.best.cost {
+                search.best = run;
+                result.q.copy_from_slice(&memory.q);
+            }
+        }
+        result.iterations += search.iterations;
+        let status = if search.best.end == End::Converged {
+            Status::Converged
+        } else if let Some(status) = known.or(stopped) {
+            status
+        } else if search.best.end == End::Capped {
+            Status::IterationLimit
+        } else {
+            // In reach without the limits?
+            let free = Problem { lower: &unlimited.0, upper: &unlimited.1, ..*problem };
+            let angle = starts.score(&near, &mut memory.scores);
+            let reached = (0..UNLIMITED).any(|_| {
+                let entry = starts.take_best(&mut memory.scores);
+                starts.write(chain, entry, &near, angle, &mut memory.q);
+                free.run(goal, &mut memory.q, &mut memory.work, RUN, true).end == End::Converged
+            });
+            if reached { Status::Limits } else { Status::Unreachable }
+        };
+        report(result, &search.best, status);
+    }
+
+    /// Writes a configuration of the closed form to `q`; otherwise what it has proven.
+    fn closed(&self, closed: &Closed, pose: &Pose, q0: Option<&[f64]>, q: &mut [f64]) -> Option<Status> {
+        let Inner { chain, settings, .. } = &*self.inner;
+        match closed {
+            Closed::Wrist(arm) => {
+                let mut rows = [[0.0; 6]; 8];
+                let mask = arm.solve_into(pose, true, &mut rows);
+                if mask == 0 {
+                    let reachable = arm.solve_into(pose, false, &mut rows) != 0;
+                    return Some(if reachable { Status::Limits } else { Status::Unreachable });
+                }
+                if let Some(near) = q0.and_then(|q0| arm.nearest_unchecked(pose, q0)) {
+                    q.copy_from_slice(&near);
+                    return None;
+                }
+                let value = |row: &[f64; 6]| match &settings.criterion {
+                    Some(criterion) => criterion.sense().sign() * criterion.value(row),
+                    None => -room(chain, row),
+                };
+                let valid = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| (value(&rows[b]), b));
+                if let Some((_, best)) = valid.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                    q.copy_from_slice(&rows[best]);
+                }
+                None
+            }
+            Closed::Srs(arm) => self.closed_srs(arm, pose, q0, q),
+        }
+    }
+
+    fn closed_srs(&self, arm: &SrsArm, pose: &Pose, q0: Option<&[f64]>, q: &mut [f64]) -> Option<Status> {
+        let Inner { chain, settings, .. } = &*self.inner;
+        let choice = match (q0, &settings.criterion) {
+            (None, None) => {
+                // A branch within limits at one of a few swivels is found nine times out of ten at the first.
+                let mut rows = [[0.0; 7]; 8];
+                for k in 0..SWIVELS {
+                    let (sin, cos) = SWIVEL_DIRECTIONS[k];
+                    let mask = arm.solve_into(pose, [cos, sin], true, &mut rows);
+                    let valid = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| (room(chain, &rows[b]), b));
+                    if let Some((_, best)) = valid.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                        q.copy_from_slice(&rows[best]);
+                        return None;
+                    }
+                }
+                let Ok(motion) = arm.self_motion(pose) else { return Some(Status::Unreachable) };
+                let longest = motion
+                    .branches()
+                    .into_iter()
+                    .flat_map(|b| b.intervals(0.0).unwrap_or_default().into_iter().map(move |i| (b, i)))
+                    .max_by(|(_, a), (_, b)| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+                match longest.and_then(|(branch, [lo, hi])| branch.q(0.5 * (lo + hi)).ok()) {
+                    Some(row) => Ok(row),
+                    None => Err(motion.status()),
+                }
+            }
+            (q0, criterion) => {
+                let Ok(motion) = arm.self_motion(pose) else { return Some(Status::Unreachable) };
+                let choice = match (criterion, q0) {
+                    (Some(criterion), _) => motion.best(&**criterion),
+                    (None, Some(q0)) => motion.nearest(q0),
+                    (None, None) => Ok(None),
+                };
+                choice.ok().flatten().map(|c| c.q).ok_or_else(|| motion.status())
+            }
+        };
+        match choice {
+            Ok(row) => {
+                q.copy_from_slice(&row);
+                None
+            }
+            Err(status) => Some(status),
+        }
+    }
+
+    /// Moves `result.q` along the null space of the task until the criterion is stationary, or a limit stops it.
+    fn improve(&self, problem: &Problem<'_>, goal: &Goal<'_>, memory: &mut IkMemory, result: &mut IkResult) {
+        let Some(criterion) = self.inner.settings.criterion.as_deref() else { return };
+        let sign = criterion.sense().sign();
+        // What is left of the tolerance would hide small gains.
+        let exact = Problem {
+            tol_position: IK_CRITERION_SHARE * problem.tol_position,
+            tol_orientation: IK_CRITERION_SHARE * problem.tol_orientation,
+            ..*problem
+        };
+        let mut value = sign * criterion.value(&result.q);
+        for _ in 0..CRITERION_STEPS {
+            criterion.gradient(&result.q, &mut memory.gradient);
+            memory.gradient.iter_mut().for_each(|g| *g *= -sign);
+            let norm = memory.gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+            problem.project(goal, &result.q, &mut memory.work, &memory.gradient, &mut memory.step);
+            let along = memory.step.iter().map(|d| d * d).sum::<f64>().sqrt();
+            if along.is_nan() || along <= IK_CRITERION * norm.max(f64::MIN_POSITIVE) {
+                return;
+            }
+            // Newton's length along the direction where the criterion is convex there.
+            criterion.hessian(&result.q, &mut memory.hessian);
+            let step = &memory.step;
+            let mut curvature = 0.0;
+            for j in 0..step.len() {
+                for i in 0..step.len() {
+                    curvature += sign * memory.hessian[(i, j)] * step[i] * step[j];
+                }
+            }
+            let longest = CRITERION_STEP / step.iter().fold(0.0_f64, |a, d| a.max(d.abs()));
+            let mut length = if curvature > 0.0 { (along * along / curvature).min(longest) } else { longest };
+            let mut moved = false;
+            for _ in 0..20 {
+                for (i, q) in memory.q.iter_mut().enumerate() {
+                    *q = (result.q[i] + length * memory.step[i]).clamp(problem.lower[i], problem.upper[i]);
+                }
+                let run = exact.run(goal, &mut memory.q, &mut memory.work, RUN, true);
+                result.iterations += run.iterations + 1;
+                let reached = sign * criterion.value(&memory.q);
+                let holds =
+                    run.position <= problem.tol_position && run.orientation <= problem.tol_orientation;
+                if holds && reached < value {
+                    value = reached;
+                    result.q.copy_from_slice(&memory.q);
+                    report(result, &run, Status::Converged);
+                    moved = true;
+                    break;
+                }
+                length *= 0.25;
+            }
+            if !moved {
+                return;
+            }
+        }
+    }
+}
+
+/// Sines and cosines of the swivels that the closed form tries, far from each other first.
+const SWIVEL_DIRECTIONS: [(f64, f64); SWIVELS] = {
+    const H: f64 = std::f64::consts::FRAC_1_SQRT_2;
+    [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (H, H), (-H, -H), (H, -H), (-H, H)]
+};
+
+/// Least distance of a joint from its limits as a share of its range; 1/2 where there are none.
+fn room(chain: &Chain, q: &[f64]) -> f64 {
+    let limits = chain.lower().iter().zip(chain.upper());
+    let share = q.iter().zip(limits).map(|(q, (lo, hi))| {
+        let range = hi - lo;
+        if range.is_finite() { (q - lo).min(hi - q) / range } else { 0.5 }
+    });
+    share.fold(0.5, f64::min)
+}
+
+/// The target that starts are ranked by: with an orientation set, its member nearest to the target.
+fn nominal(goal: &Goal<'_>) -> Pose {
+    let mut pose = goal.target;
+    if let Some(set) = goal.set {
+        pose.rotation = nalgebra::Rotation3::new(set.way_in(&pose.rotation)) * pose.rotation;
+    }
+    pose
+}
+
+fn report(result: &mut IkResult, run: &Run, status: Status) {
+    (result.position_error, result.orientation_error) = (run.position, run.orientation);
+    result.status = status;
+}

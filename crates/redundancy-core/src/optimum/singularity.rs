@@ -1,0 +1,258 @@
+//! Where critical points vanish: `mu = 0` and `det W = 0`.
+//!
+//! These are r + 1 equations for n joints, so the set has m - 1 dimensions [Park1996, lemma 4.2 ff.]. Where neither the
+//! criterion nor the self-motion depends on the first joint it is enough to look at one value of it; one dimension is
+//! lost. For tasks of two coordinates isolated points are left (each a circle about the base), for others the
+//! points found are samples of a set of [`SingularPoint::dimension`] dimensions.
+//!
+//! Newton's method runs from many starts. `d mu = N^T L dq` is exact; the derivative of `det W`, a third derivative
+//! of h, is a central difference of a function that does not depend on the basis of the null space, so only the speed of
+//! convergence feels its error, not the result. Kinematic singularities, where `mu = A = 0` for want of a null space
+//! (the paper's plots show them as intersections too), are excluded by the singular values of J.
+//!
+//! Cost for the planar arm with three joints: about 0.1 ms per start.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use super::classify::Classifier;
+use crate::chain::Chain;
+use crate::criterion::Criterion;
+use crate::error::{Error, Result};
+use crate::kinematics::{NullSpace, Task};
+use crate::self_motion::{geometric, random_configurations, short_way, wind};
+use crate::tolerance::{
+    FOLLOW_DONE, SAME_SINGULARITY, SINGULARITY_DIFFERENCE, SINGULARITY_RANK, SINGULARITY_RESIDUAL,
+};
+
+/// Settings of [`algorithmic_singularities`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SingularitySettings {
+    /// Seed of the random starts.
+    pub seed: u64,
+    /// Number of random starts. Default 2000.
+    pub starts: usize,
+}
+
+impl Default for SingularitySettings {
+    fn default() -> Self {
+        Self { seed: 0, starts: 2000 }
+    }
+}
+
+/// A configuration at which a critical point vanishes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SingularPoint {
+    /// Configuration; the first joint is zero where it is free.
+    pub q: Vec<f64>,
+    /// Where the tool is, m.
+    pub position: [f64; 3],
+    /// What is left of `mu = 0` and of the least eigenvalue of W, relative to gradient and curvature of the criterion.
+    pub residual: f64,
+    /// Whether every value of the first joint gives a singular point.
+    pub first_joint_free: bool,
+    /// Dimension of the set that the point belongs to, without the first joint where that is free: 0 for isolated points.
+    pub dimension: usize,
+}
+
+/// Where critical points of `criterion` vanish for some value of the task, sorted by joint values.
+///
+/// ```
+/// use redundancy_core::{chain::catalog, criterion::Manipulability, kinematics::Task};
+/// use redundancy_core::optimum::{SingularitySettings, algorithmic_singularities};
+/// let arm = catalog::load("planar3r")?;
+/// let h = Manipulability::new(&arm, Task::PLANAR);
+/// let points = algorithmic_singularities(&arm, &h, Task::PLANAR, &SingularitySettings::default())?;
+/// assert_eq!(points.len(), 10); // table 1 of the paper and its mirror images
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+///
+/// # Errors
+/// A criterion for another number of joints, a task that leaves no freedom, more than a million starts.
+pub fn algorithmic_singularities(
+    chain: &Chain,
+    criterion: &dyn Criterion,
+    task: Task,
+    settings: &SingularitySettings,
+) -> Result<Vec<SingularPoint>> {
+    if settings.starts > 1_000_000 {
+        let (what, value) = ("starts".into(), settings.starts as f64);
+        return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
+    }
+    let task = geometric(task);
+    let mut classifier = Classifier::new(chain, criterion, task)?;
+    let (n, r) = (chain.dof(), chain.dof() - task.dim());
+    let free = first_joint_is_free(&mut classifier, settings.seed);
+    let unknowns = n - usize::from(free);
+    if unknowns < r + 1 {
+        return Ok(Vec::new());
+    }
+    let starts: Vec<Vec<f64>> = random_configurations(chain, settings.seed, settings.starts).collect();
+    let found: Vec<SingularPoint> = starts
+        .into_par_iter()
+        .map_init(
+            || Search::new(classifier.clone(), free),
+            |search, mut q| {
+                if free {
+                    q[0] = 0.0;
+                }
+                search.newton(q)
+            },
+        )
+        .flatten()
+        .collect();
+    // In the order of the starts, so that the result does not depend on the number of threads.
+    let mut points: Vec<SingularPoint> = Vec::new();
+    let mut d = vec![0.0; n];
+    for point in found {
+        let known = points.iter().any(|other| {
+            short_way(chain, &other.q, &point.q, &mut d);
+            d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_SINGULARITY
+        });
+        if !known {
+            points.push(point);
+        }
+    }
+    points.sort_by(|a, b| {
+        let orders = a.q.iter().zip(&b.q).map(|(a, b)| a.total_cmp(b));
+        orders.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+    });
+    Ok(points)
+}
+
+/// Whether mu and W stay when the first joint moves, measured at some configurations.
+fn first_joint_is_free(classifier: &mut Classifier<'_>, seed: u64) -> bool {
+    const SAMPLES: usize = 6;
+    const SHIFT: f64 = 0.7;
+    const SAME: f64 = 1e-9;
+    let chain = classifier.stationarity().chain();
+    random_configurations(chain, seed, SAMPLES).all(|mut q| {
+        classifier.kind_at(&q);
+        let scale = classifier.stationarity().scale();
+        let before = [classifier.eigenvalues().to_vec(), vec![classifier.residual()]].concat();
+        q[0] += SHIFT;
+        classifier.kind_at(&q);
+        let after = classifier.eigenvalues().iter().chain(std::iter::once(&classifier.residual)).copied();
+        before.iter().zip(after).all(|(a, b)| (a - b).abs() <= SAME * scale)
+    })
+}
+
+struct Search<'a> {
+    classifier: Classifier<'a>,
+    first: usize,
+    null: NullSpace,
+    matrix: DMatrix<f64>,
+    rest: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl<'a> Search<'a> {
+    fn new(classifier: Classifier<'a>, free: bool) -> Self {
+        let chain = classifier.stationarity().chain();
+        let (first, n) = (usize::from(free), chain.dof());
+        let equations = n - classifier.stationarity().task().dim() + 1;
+        let unknowns = n - first;
+        Self {
+            classifier,
+            first,
+            null: NullSpace::new(equations, unknowns),
+            matrix: DMatrix::zeros(equations, unknowns),
+            rest: vec![0.0; equations],
+            step: vec![0.0; unknowns],
+        }
+    }
+
+    /// `det W`.
+    fn determinant(&mut self, q: &[f64]) -> f64 {
+        self.classifier.stationarity_mut().second_order(q);
+        let w = self.classifier.stationarity().reduced_hessian();
+        if w.nrows() == 1 { w[(0, 0)] } else { w.determinant() }
+    }
+
+    /// One Newton step of at most `reach`; its length before the bound.
+    fn step(&mut self, q: &mut [f64], reach: f64) -> Option<f64> {
+        let (n, r) = (q.len(), self.rest.len() - 1);
+        let mut slope = vec![0.0; n - self.first];
+        for (slope, j) in slope.iter_mut().zip(self.first..n) {
+            let at = q[j];
+            q[j] = at + SINGULARITY_DIFFERENCE;
+            let ahead = self.determinant(q);
+            q[j] = at - SINGULARITY_DIFFERENCE;
+            let behind = self.determinant(q);
+            q[j] = at;
+            *slope = (ahead - behind) / (2.0 * SINGULARITY_DIFFERENCE);
+        }
+        let value = self.determinant(q);
+        let at = self.classifier.stationarity();
+        // Both kinds of rows of the order of one.
+        let scale = at.scale();
+        if scale.is_nan() || scale <= 0.0 {
+            return None;
+        }
+        let unit = scale.powi(r as i32);
+        for j in self.first..n {
+            for i in 0..r {
+                self.matrix[(i, j - self.first)] = at.mu_jacobian()[(i, j)] / scale;
+            }
+            self.matrix[(r, j - self.first)] = slope[j - self.first] / unit;
+        }
+        for i in 0..r {
+            self.rest[i] = -at.mu()[i] / scale;
+        }
+        self.rest[r] = -value / unit;
+        self.null.factor(self.matrix.as_slice());
+        self.null.shortest(&self.rest, &mut self.step);
+        let length = self.step.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !length.is_finite() {
+            return None;
+        }
+        let factor = if length > reach { reach / length } else { 1.0 };
+        for (q, d) in q[self.first..].iter_mut().zip(&self.step) {
+            *q += factor * d;
+        }
+        Some(length)
+    }
+
+    fn newton(&mut self, mut q: Vec<f64>) -> Option<SingularPoint> {
+        const STEPS: usize = 60;
+        const REACH: f64 = 0.3;
+        let mut before = f64::INFINITY;
+        for _ in 0..STEPS {
+            let length = self.step(&mut q, REACH)?;
+            if length <= FOLLOW_DONE || length <= 1e3 * FOLLOW_DONE && length >= 0.5 * before {
+                return self.check(q);
+            }
+            before = length;
+        }
+        None
+    }
+
+    fn check(&mut self, mut q: Vec<f64>) -> Option<SingularPoint> {
+        let chain = self.classifier.stationarity().chain();
+        wind(chain, &mut q);
+        if self.first == 1 {
+            q[0] = 0.0;
+        }
+        self.classifier.kind_at(&q);
+        let [least, most] = self.classifier.stationarity_mut().singular_values();
+        if least <= SINGULARITY_RANK * most {
+            return None;
+        }
+        let at = self.classifier.stationarity();
+        let slope = at.gradient().iter().map(|g| g * g).sum::<f64>().sqrt();
+        let curvature = self.classifier.eigenvalues().iter().fold(f64::INFINITY, |m, e| m.min(e.abs()));
+        let residual = (self.classifier.residual() / (slope + at.scale())).max(curvature / at.scale());
+        // Also false for what is not a number.
+        if residual.is_nan() || residual > SINGULARITY_RESIDUAL {
+            return None;
+        }
+        let p = chain.forward_unchecked(&q).translation.vector;
+        Some(SingularPoint {
+            position: [p.x, p.y, p.z],
+            residual,
+            first_joint_free: self.first == 1,
+            dimension: self.step.len() - self.rest.len(),
+            q,
+        })
+    }
+}
