@@ -22,7 +22,15 @@ from redundancy import _paint, plot
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
 # What `track` leaves behind.
-RESULTS = ("trajectory.csv", "trajectory.json", "summary.json", "track.png", "swivel.png")
+RESULTS = (
+    "trajectory.csv",
+    "trajectory.json",
+    "summary.json",
+    "animation.json",
+    "track.png",
+    "swivel.png",
+    "obstacles.png",
+)
 
 # Points per step of the progress bar, and from how many points there is one.
 _CHUNK = 2_000
@@ -145,17 +153,46 @@ def track(
     branch: Annotated[
         str, typer.Option(help="auto, or signs of shoulder, elbow, wrist such as +++ or +-+.")
     ] = "auto",
+    obstacles: Annotated[
+        File | None, typer.Option(help="Scene JSON: spheres, boxes, capsules to keep off.")
+    ] = None,
+    plan: Annotated[
+        str,
+        typer.Option(
+            help="whole: the swivel of the whole path at once; flow: step by step, as in real time."
+        ),
+    ] = "whole",
+    clearance: Annotated[float, typer.Option(help="Wanted distance from the obstacles, m.")] = 0.03,
+    link_radius: Annotated[float, typer.Option(help="Radius of the links, m.")] = 0.05,
+    cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Follow a path of tool poses with a seven-joint arm, away from the limits and without a jump.
+    """Follow a path of tool poses with a seven-joint arm, away from limits and obstacles and without a jump.
 
-    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs.
+    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs; beside obstacles
+    also animation.json: where joints and obstacles are in space, row by row.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy track --robot pa10 --path path.csv --out run/
     Example:  redundancy track --robot arm.urdf --base base_link --tip tool0 --path path.csv --swivel 30 --out run/
+    Example:  redundancy track --robot pa10 --path path.csv --obstacles scene.json --plan whole --out run/
     """
-    Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots).run()
+    if plan not in {"whole", "flow"}:
+        raise rd.RedundancyError(f"--plan is '{plan}', it must be whole or flow")
+    way = Way(obstacles, plan, clearance, link_radius, cyclic)
+    Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way).run()
+
+
+@dataclass
+class Way:
+    """How the swivel is found, and beside what."""
+
+    obstacles: File | None = None
+    plan: str = "whole"
+    clearance: float = 0.03
+    link_radius: float = 0.05
+    cyclic: bool = False
+    scene: rd.Scene | None = None
 
 
 @dataclass
@@ -170,6 +207,7 @@ class Job:
     swivel: float | None = None
     branch: tuple[int, int, int] | None = None
     plots: bool = True
+    way: Way = field(default_factory=Way)
     summary: dict[str, Any] = field(default_factory=dict)
 
     def run(self) -> None:
@@ -188,6 +226,11 @@ class Job:
             message = (
                 f"{self.path_file}: the path has positions only; a 7-joint arm needs qw,qx,qy,qz as well"
             )
+            raise rd.RedundancyError(message)
+        if self.way.obstacles is not None:
+            self.way.scene = rd.Scene.from_json(self.way.obstacles)
+        if self.way.plan == "flow" and path.t is None:
+            message = f"{self.path_file}: --plan flow needs a path with times (a column t)"
             raise rd.RedundancyError(message)
         self.out.mkdir(parents=True, exist_ok=True)
         for name in RESULTS:  # nothing of an earlier run may stand beside the new summary
@@ -211,9 +254,16 @@ class Job:
             plan.to_csv(self.out / "trajectory.csv")
             plan.to_json(self.out / "trajectory.json")
             written = ["trajectory.csv", "trajectory.json", "summary.json"]
+            if self.way.scene is not None:
+                self._animate(chain, plan, self.way.scene)
+                written.append("animation.json")
             if self.plots:
                 self._draw(arm, path, plan)
                 written.append("track.png")
+                if self.way.scene is not None:
+                    figure = plot.obstacle_map(arm, path, plan, self.way.scene, self.way.link_radius)
+                    _save(figure, self.out / "obstacles.png")
+                    written.append("obstacles.png")
         self.summary["seconds"] = time.perf_counter() - begin
         self._write_summary()
         self._report(written)
@@ -256,13 +306,24 @@ class Job:
 
     def _plan(self, arm: rd.SrsArm, path: rd.Path, progress: Progress) -> rd.SwivelPlan:
         task = progress.add_task("planning", total=len(path))
-        plan = rd.plan_swivel(
-            arm,
-            path,
-            fixed=self.swivel,
-            branch=self.branch,
-            progress=lambda share: progress.update(task, completed=round(share * len(path))),
-        )
+
+        def report(share: float) -> None:
+            progress.update(task, completed=round(share * len(path)))
+
+        if self.way.plan == "flow":
+            plan = self._flow(arm, path, report)
+        else:
+            plan = rd.plan_swivel(
+                arm,
+                path,
+                self.way.scene,
+                self.way.cyclic,
+                fixed=self.swivel,
+                branch=self.branch,
+                wanted_clearance=self.way.clearance,
+                link_radius=self.way.link_radius,
+                progress=report,
+            )
         self.summary["status"] = str(plan.status)
         self.summary["events"] = [
             {"kind": str(e.kind), "index": e.index, "t": e.t, "s": e.s, "message": e.message}
@@ -272,6 +333,52 @@ class Job:
             self.summary["first_point"] = min([*plan.blocked, *plan.reconfigurations, len(path) - 1])
             raise CannotFollowError(plan.reason)
         return plan
+
+    def _flow(self, arm: rd.SrsArm, path: rd.Path, report: Any) -> rd.SwivelPlan:
+        """Step by step along the points of the path, from the best start."""
+        start = rd.plan_swivel(
+            arm,
+            rd.Path(path.poses[:2]),
+            self.way.scene,
+            fixed=self.swivel,
+            branch=self.branch,
+            wanted_clearance=self.way.clearance,
+            link_radius=self.way.link_radius,
+        )
+        if start.status != rd.Status.CONVERGED or path.t is None:
+            self.summary |= {"status": str(start.status), "events": [], "first_point": 0}
+            raise CannotFollowError(start.reason)
+        s0 = float(start.swivel[0])
+        first, second, third = (int(sign) for sign in start.branch[0])
+        flow = rd.SwivelFlow(
+            arm,
+            s0 if self.swivel is None else self.swivel,
+            self.way.scene,
+            link_radius=self.way.link_radius,
+            branch=(first, second, third),
+        )
+        steps = np.diff(path.t)
+        if not np.allclose(steps, steps[0], rtol=1e-6):
+            raise rd.RedundancyError(f"{self.path_file}: --plan flow needs evenly spaced times")
+        return flow.follow(path, s0, float(path.t[-1] - path.t[0]) / (len(path) - 1), progress=report)
+
+    def _animate(self, chain: rd.Chain, plan: rd.SwivelPlan, scene: rd.Scene) -> None:
+        """Where the joints and the tool are in space, row by row, and what is around them."""
+        names = [name for name in chain.link_names if name]
+        points = np.stack([chain.forward(plan.q, link=name)[:, :3, 3] for name in names], axis=1)
+        points = np.concatenate([points, chain.forward(plan.q)[:, None, :3, 3]], axis=1)
+        animation = {
+            "robot": chain.name,
+            "t": plan.t.tolist(),
+            "points": [*names, "tool"],
+            "positions_m": np.round(points, 6).tolist(),
+            "link_radius_m": self.way.link_radius,
+            "joint_names": list(chain.joint_names),
+            "q": np.round(plan.q, 9).tolist(),
+            "clearance_m": None if plan.clearance is None else np.round(plan.clearance, 6).tolist(),
+            "obstacles": json.loads(scene.to_json())["obstacles"],
+        }
+        (self.out / "animation.json").write_text(json.dumps(animation, allow_nan=False) + "\n")
 
     def _give_up(self, arm: rd.SrsArm, path: rd.Path, reason: str) -> None:
         """Leave behind why, and the band in which the swivel would have had to run."""
@@ -317,6 +424,12 @@ class Job:
             "velocity_use_at": {"joint": names[fast_joint], "point": int(fast_row)},
             "largest_joint_step_rad": float(np.abs(np.diff(q, axis=0)).max(initial=0.0)),
         }
+        if plan.clearance is not None:
+            nearest = int(np.argmin(plan.clearance))
+            self.summary |= {
+                "clearance_m": float(plan.clearance[nearest]),
+                "clearance_at": {"point": nearest},
+            }
 
     def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: rd.SwivelPlan) -> None:
         shown = _shown(len(path))
@@ -346,6 +459,10 @@ class Job:
             f"fastest: {100 * s['velocity_use']:.0f} % of the limit of {escape(s['velocity_use_at']['joint'])}",
             f"pose error by forward kinematics: {s['position_error_m']:.1e} m, {s['orientation_error_rad']:.1e} rad",
         ]
+        if "clearance_m" in s:
+            lines.append(
+                f"nearest to an obstacle: {1e3 * s['clearance_m']:.1f} mm at point {s['clearance_at']['point']}"
+            )
         lines.append(f"in {escape(str(self.out))}: {', '.join(written)}")
         for line in lines:
             _out.print(line, soft_wrap=True)
@@ -607,7 +724,7 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Two arms follow built-in paths of 1 000 points, and a PUMA 560 paints: rules, then a plan of a few seconds.
+    """Two arms follow built-in paths of 1 000 points, one of them again around a ball, and a PUMA 560 paints.
 
     Writes the paths too, and prints the commands that do the same.
 
@@ -627,6 +744,13 @@ def demo(
         _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
         Job(robot, file, out / name, base, tip, plots=plots).run()
         _out.print()
+    file, scene = out / "ball_path.csv", out / "ball_scene.json"
+    demo_lap().to_csv(file)
+    scene.write_text(demo_ball().to_json() + "\n")
+    command = f"redundancy track --robot pa10 --path {file} --obstacles {scene} --cyclic --out {out / 'ball'}"
+    _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
+    Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
+    _out.print()
     file = out / "paint_path.csv"
     demo_spray().to_csv(file)
     command = f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4"
@@ -659,6 +783,17 @@ def demo_circle() -> rd.Path:
     """A slanted circle at 0.1 m/s with the tool leaning inwards: 1 000 points for the iiwa."""
     circle = rd.paths.circle((0.45, 0.0, 0.5), 0.25, normal=(1.0, 0.0, 1.0), n=1000)
     return circle.with_times(circle.s / 0.1).with_orientation(lambda p: _leaning(p, (0.45, 0.0, 0.5), -1.5))
+
+
+def demo_lap() -> rd.Path:
+    """One lap of the circle of Moore & Oztop's obstacle experiments in six seconds: 301 points."""
+    lap = rd.paths.circle((0.45, 0.0, 0.5), 0.12, orientation=np.diag([-1.0, 1.0, -1.0]), n=301)
+    return lap.with_times(np.linspace(0.0, 6.0, 301))
+
+
+def demo_ball() -> rd.Scene:
+    """Their ball, where the elbow would hang."""
+    return rd.Scene([rd.Sphere((0.2842, -0.3539, 0.4817), 0.06)])
 
 
 def _leaning(

@@ -871,7 +871,7 @@ class ProjectedGradient(Resolver):
         criterion: Criterion | None,
         gain: float | Literal["optimal"],
         task: _Task | None = None,
-        damping: _Damping = "auto",
+        damping: _Damping = ...,
     ) -> Self: ...
 
 @final
@@ -898,7 +898,7 @@ class ReducedGradient(Resolver):
         criterion: Criterion | None,
         gain: float | Literal["optimal"],
         task: _Task | None = None,
-        damping: _Damping = "auto",
+        damping: _Damping = ...,
         basis: Sequence[int] | None = None,
     ) -> Self: ...
 
@@ -924,7 +924,7 @@ class ExtendedJacobian(Resolver):
         task: _Task | None = None,
         *,
         gain: float = 10.0,
-        damping: _Damping = "auto",
+        damping: _Damping = ...,
     ) -> Self: ...
 
 @final
@@ -1560,13 +1560,17 @@ class SwivelPlan(Trajectory):
         """Points before which the arm must change its configuration; none when `converged`."""
     @property
     def blocked(self) -> list[int]:
-        """Points without any configuration within the limits."""
+        """Points without any configuration within the limits and off the obstacles."""
+    @property
+    def clearance(self) -> NDArray[np.float64] | None:
+        """Signed distance from the obstacles of each row `(N,)`, m; `None` without a scene."""
     @property
     def status(self) -> Status:
         """What the planner did.
 
         `converged`; `infeasible`: it takes reconfigurations; `unreachable` or `limits`: some points have no
-        configuration (no rows), or none at the fixed swivel or branch (rows up to there).
+        configuration (no rows), or none at the fixed swivel or branch (rows up to there). Points that obstacles
+        block at every swivel are `unreachable` too; the reason says by which obstacle and how deep.
         """
     @property
     def reason(self) -> str:
@@ -1575,16 +1579,23 @@ class SwivelPlan(Trajectory):
 def plan_swivel(
     arm: SrsArm,
     path: Path,
+    scene: Scene | None = None,
+    cyclic: bool = False,
     desired: float | ArrayLike | None = None,
+    wanted_clearance: float | None = None,
+    link_radius: float | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
     *,
     fixed: float | ArrayLike | None = None,
     branch: tuple[int, int, int] | None = None,
     margin: float = 0.0,
-    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
     swivels: int | None = None,
     limit_weight: float | None = None,
     motion_weight: float | None = None,
     swivel_weight: float | None = None,
+    clearance_weight: float | None = None,
+    manipulability_weight: float | None = None,
+    acceleration_weight: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> SwivelPlan:
     """Plan the swivel along a whole path: away from the limits, on one branch, without a jump.
@@ -1596,7 +1607,11 @@ def plan_swivel(
     Args:
         arm: The arm.
         path: With orientations. With times, the joint velocity limits hold between points.
+        scene: Obstacles; contact is forbidden. Those that move are where the times of the path have them.
+        cyclic: The arm ends in the configuration in which it began; the path must be closed.
         desired: Wished swivel, rad: one, or `(N,)`.
+        wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
+        link_radius: Links are capsules of this radius, m (0.05).
         fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
         branch: Keep to these signs (shoulder, elbow, wrist).
         margin: Distance kept from every joint limit, rad.
@@ -1605,11 +1620,88 @@ def plan_swivel(
         limit_weight: w_l (1).
         motion_weight: w_m (0.05).
         swivel_weight: w_s (10).
+        clearance_weight: Price of what is missing from the wanted distance, as a share of it (100).
+        manipulability_weight: Price of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
+        acceleration_weight: Price of the second differences of the joints, in the refinement (0).
         progress: Called with the share of the work done.
 
     Raises:
-        RedundancyError: A setting out of its range, a path without orientations.
+        RedundancyError: A setting out of its range, a path without orientations, with `cyclic` one that is not closed.
     """
+
+@final
+class SwivelFlow:
+    """The swivel as a dynamical system beside obstacles: one step at a time.
+
+    `"paper"` and `"paper_u"` are Moore & Oztop's eqs (30) to (32) as printed, on s and on u. `"robust"` takes the sine
+    of the error, the analytic gradient of the distance, forces away from singularities and limits, a rate limit and a
+    barrier that also sees the obstacles' own motion. All of them decide locally and can be trapped; `plan_swivel`
+    sees the whole path.
+
+    Args:
+        arm: The arm.
+        desired: Wished swivel, rad: an angle, one per path point, or a callable of the time.
+        scene: Obstacles.
+        form: `"robust"`, `"paper"`, `"paper_u"`.
+        link_radius: Links are capsules of this radius, m (0.05).
+        branch: Signs (shoulder, elbow, wrist).
+        tau: Time constant, s (0.1).
+        lambda_: Paper: share of the wish (0.5).
+        gain: Paper: k of the force k/|d| (0.02).
+        epsilon: Paper: half the difference step, rad (0.001).
+        weights: Robust: shares of wish, obstacle, singularity, limits (0.4, 0.4, 0.05, 0.15).
+        max_rate: Robust: rad/s (3).
+        safe_distance: Robust: distance that is kept, m (0.02).
+        active_distance: Robust: where the obstacle's force begins, m (0.1).
+        barrier_rate: Robust: how fast the barrier lets the distance shrink, 1/s (5).
+    """
+
+    def __new__(
+        cls,
+        arm: SrsArm,
+        desired: float | ArrayLike | Callable[[float], float],
+        scene: Scene | None = None,
+        form: str = "robust",
+        link_radius: float | None = None,
+        *,
+        branch: Sequence[int] = ...,
+        tau: float | None = None,
+        lambda_: float | None = None,
+        gain: float | None = None,
+        epsilon: float | None = None,
+        weights: Sequence[float] | None = None,
+        max_rate: float | None = None,
+        safe_distance: float | None = None,
+        active_distance: float | None = None,
+        barrier_rate: float | None = None,
+    ) -> Self: ...
+    def step(self, pose: _Pose, s: float, dt: float, t: float = 0.0) -> float:
+        """The swivel (rad) at `pose` and time `t`, from the swivel `s` a time `dt` before.
+
+        Raises:
+            RedundancyError: A pose out of reach, `dt <= 0`, numbers that are not finite.
+        """
+    def follow(
+        self, path: Path, s0: float, dt: float, *, progress: Callable[[float], object] | None = None
+    ) -> SwivelPlan:
+        """Along a path with times, one row every `dt` s.
+
+        Returns:
+            Rows with `swivel` and `clearance`; `status` is `infeasible` where the arm ran into an obstacle and `limits`
+            where it left the joint limits, and `reason` says when and how far.
+
+        Raises:
+            RedundancyError: A path without times or orientations, a point out of reach.
+        """
+    @property
+    def form(self) -> str:
+        """Which dynamical system."""
+    @property
+    def arm(self) -> SrsArm:
+        """The arm."""
+    @property
+    def scene(self) -> Scene:
+        """The obstacles."""
 
 # painting
 

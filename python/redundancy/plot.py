@@ -12,7 +12,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
-from redundancy._core import Chain, Path, SelfMotion, SrsArm, SwivelPlan, Trajectory
+from redundancy._core import Chain, Path, Scene, SelfMotion, SrsArm, SwivelPlan, Trajectory
 from redundancy.plot_ik import convergence, convergence_traces
 from redundancy.plot_rotation import quaternion_volume
 
@@ -20,6 +20,7 @@ __all__ = [
     "convergence",
     "convergence_traces",
     "joints",
+    "obstacle_map",
     "quaternion_volume",
     "self_motion",
     "swivel",
@@ -32,6 +33,7 @@ _LINE = "#1b5e8c"
 _OUTSIDE = "#e8b4a8"
 _INSIDE = "#cfe3d4"
 _EVENT = "#b03a2e"
+_BLOCKED = "#8c2d19"
 _GRID = "#dddddd"
 _HALF_TURN = 180.0
 _SHOWN = 600
@@ -201,6 +203,76 @@ def swivel_map(
     for axis in axes[:, 0]:
         axis.set_ylabel("swivel (deg)", fontsize=9)
     return figure
+
+
+def obstacle_map(
+    arm: SrsArm,
+    path: Path,
+    plan: SwivelPlan,
+    scene: Scene,
+    link_radius: float = 0.05,
+    resolution: int = 180,
+    figure: FigureBase | None = None,
+) -> FigureBase:
+    """The plan on the map of points x swivels: where limits and obstacles forbid its branch; below it the clearance.
+
+    Args:
+        arm: The arm.
+        path: What was planned; of long paths some 300 points are drawn.
+        plan: Has a row per path point, and a `clearance`.
+        scene: The obstacles; where they move and the path has times, each point has its own.
+        link_radius: As for the plan, m.
+        resolution: Number of swivels.
+        figure: Where to draw; a new figure when left out.
+    """
+    shown = np.unique(np.linspace(0, len(plan) - 1, min(len(plan), 300)).round().astype(int))
+    band = _bands(arm, path.poses[shown], [_index(plan.branch[0])], resolution)[0]
+    blocked = _blocked(arm, path, shown, _index(plan.branch[0]), scene, link_radius, resolution)
+    figure = Figure(figsize=(9, 5.2), layout="constrained") if figure is None else figure
+    above, below = figure.subplots(2, 1, height_ratios=(3, 1.4), sharex=True)
+    s = path.s[shown]
+    _swivel(above, s, None, band, [(float(path.s[k]), "") for k in plan.reconfigurations])
+    if blocked.any():
+        height = np.linspace(-_HALF_TURN, _HALF_TURN, resolution)
+        above.contourf(s, height, blocked.T.astype(float), levels=(0.5, 1.5), colors=_BLOCKED)
+    wrapped = (np.rad2deg(plan.swivel) + _HALF_TURN) % (2 * _HALF_TURN) - _HALF_TURN
+    breaks = np.flatnonzero(np.abs(np.diff(wrapped)) > _HALF_TURN) + 1
+    along = path.s[: len(wrapped)]
+    above.plot(np.insert(along, breaks, np.nan), np.insert(wrapped, breaks, np.nan), color=_LINE, lw=1.8)
+    above.set_title(
+        "swivel (deg): limits hold on the band, obstacles block the red regions",
+        fontsize=9,
+        loc="left",
+        pad=3,
+    )
+    clearance = np.zeros(0) if plan.clearance is None else plan.clearance
+    below.plot(path.s[: len(clearance)], 1e3 * clearance, color=_LINE, lw=1.4)
+    below.axhline(0.0, color=_BLOCKED, lw=1)
+    below.set_title("distance from the obstacles (mm)", fontsize=9, loc="left", pad=3)
+    below.set_xlabel("along the path (m)", fontsize=9)
+    _plain(below)
+    return figure
+
+
+def _blocked(
+    arm: SrsArm,
+    path: Path,
+    shown: NDArray[np.int64],
+    branch: int,
+    scene: Scene,
+    link_radius: float,
+    resolution: int,
+) -> NDArray[np.bool_]:
+    """Where a branch touches an obstacle, `(N, resolution)` over swivels from -pi."""
+    swivels = np.linspace(-np.pi, np.pi, resolution)
+    moves = path.t is not None and any(obstacle.velocity.any() for obstacle in scene.obstacles)
+    rows = []
+    for k in shown:
+        poses = np.broadcast_to(path.poses[k], (resolution, 4, 4))
+        q = arm.solve_batch(poses, swivels, limits=False).q[:, branch]
+        here = scene.at(float(path.t[k])) if moves and path.t is not None else scene
+        rows.append(here.clearance(arm.chain, q, link_radius).distance < 0.0)
+    return np.array(rows)
 
 
 def track(

@@ -70,7 +70,18 @@ def test_the_fastest_rule_is_written_without_a_plan(capsys, strokes, tmp_path):
 
 def test_margins_and_limits_reach_the_core(capsys, strokes, tmp_path):
     out = tmp_path / "run"
-    options = ("--robot", "puma560", *TOOL, "--path", strokes, "--rule", "constant", "--no-plots", "--out", out)
+    options = (
+        "--robot",
+        "puma560",
+        *TOOL,
+        "--path",
+        strokes,
+        "--rule",
+        "constant",
+        "--no-plots",
+        "--out",
+        out,
+    )
     speeds = []
     for more in ((), ("--torque-margin", 10), ("--velocity-limits", "10,10,10,10,10,10")):
         assert run(capsys, "paint", *options, *more)[0] == 0
@@ -86,7 +97,17 @@ def test_what_cannot_be_followed_ends_with_1(capsys, strokes, tmp_path):
     status, _, err = run(capsys, "paint", *options)
     assert status == 1 and "cannot be followed: 110 of 110 points are out of the workspace" in err
     assert json.loads((out / "summary.json").read_text())["status"] == "infeasible"
-    weak = ("--robot", "puma560", *TOOL, "--path", strokes, "--torque-limits", "97,5,89,24,20,21", "--out", out)
+    weak = (
+        "--robot",
+        "puma560",
+        *TOOL,
+        "--path",
+        strokes,
+        "--torque-limits",
+        "97,5,89,24,20,21",
+        "--out",
+        out,
+    )
     status, _, err = run(capsys, "paint", *weak)
     assert status == 1 and "'joint2' needs" in err
 

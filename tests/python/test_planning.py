@@ -35,7 +35,7 @@ def test_plan_is_a_trajectory(arm: rd.SrsArm, circle: rd.Path) -> None:
 def test_fixed_desired_and_branch(arm: rd.SrsArm, circle: rd.Path) -> None:
     fixed = rd.plan_swivel(arm, circle, fixed=-1.5)
     np.testing.assert_allclose(fixed.swivel, -1.5, atol=1e-12)
-    near = rd.plan_swivel(arm, circle, -1.5, swivel_weight=1e6)
+    near = rd.plan_swivel(arm, circle, desired=-1.5, swivel_weight=1e6)
     assert np.abs(near.swivel - fixed.swivel).max() < 0.05
     kept = rd.plan_swivel(arm, circle, branch=(1, -1, 1))
     assert (kept.branch == (1, -1, 1)).all()

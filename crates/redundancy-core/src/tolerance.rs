@@ -441,3 +441,27 @@ pub const FOLLOW_STEPS: usize = 100_000;
 /// Cosine of the angle between two rows at which Jacobi rotations take them for orthogonal: a few roundings of a
 /// product of six numbers; singular values are exact to the same relative size.
 pub const ORTHOGONAL: f64 = 1e-14;
+
+/// Distance (m) from the lines shoulder - elbow - wrist within which a joint's frame is on them: far below any clearance
+/// that matters, above what a URDF's rounded numbers leave.
+pub const ON_LINE: f64 = 1e-6;
+
+/// Largest distance (m) and angle (rad) between the ends of a path that counts as closed: a configuration that fits one
+/// end fits the other as well as anything is measured.
+pub const CYCLE_POSITION: f64 = 1e-9;
+
+/// See [`CYCLE_POSITION`]; rotation matrices from quaternions of files carry this much.
+pub const CYCLE_ANGLE: f64 = 1e-7;
+
+/// Sine of a gimbal's middle angle (some 6 degrees) at which the force of a swivel flow away from it is largest.
+pub const GIMBAL_FORCE: f64 = 0.1;
+
+/// Place in the joint range (-1 to 1) beyond which the force of a swivel flow away from the limit grows no more.
+pub const LIMIT_FORCE: f64 = 0.99;
+
+/// Slope of the distance along the swivel (m/rad) below which the force away from an obstacle fades: about a tenth of
+/// what the elbow's circle gives.
+pub const FLOW_SLOPE: f64 = 0.02;
+
+/// Slope of the distance along the swivel (m/rad) below which the barrier of a swivel flow fades: no swivel helps there.
+pub const BARRIER_SLOPE: f64 = 0.005;

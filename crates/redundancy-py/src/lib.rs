@@ -47,7 +47,7 @@ mod _core {
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
-    use planning::{PySwivelPlan, py_plan_swivel};
+    use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
     use rotation::{
         PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,

@@ -2,12 +2,18 @@
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::Error;
-use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+use redundancy_core::path::Trajectory;
+use redundancy_core::planning::{
+    FlowForm, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings, plan_swivel,
+};
+use redundancy_core::scene::Scene;
 
-use crate::convert::{Integer, read_vector, to_array};
+use crate::convert::{Integer, read_pose, read_vector, to_array};
 use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
+use crate::scene::PyScene;
 use crate::self_motion::{PySrsArm, signs_of};
 use crate::status::status_to_py;
 
@@ -44,6 +50,13 @@ impl PySwivelPlan {
         self.plan.blocked.clone()
     }
 
+    /// Distance from the obstacles of each row, m; `None` without a scene.
+    #[getter]
+    fn clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let known = self.plan.clearance.len() == self.plan.q.len() && !self.plan.clearance.is_empty();
+        known.then(|| PyArray1::from_slice(py, &self.plan.clearance))
+    }
+
     /// What the planner did.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -66,22 +79,31 @@ impl PySwivelPlan {
 
 /// Plans the swivel along a whole path.
 #[pyfunction(name = "plan_swivel")]
-#[pyo3(signature = (arm, path, desired=None, *, fixed=None, branch=None, margin=0.0, velocity_limits=Some("chain".into()),
-    swivels=None, limit_weight=None, motion_weight=None, swivel_weight=None, progress=None))]
+#[pyo3(signature = (arm, path, scene=None, cyclic=false, desired=None, wanted_clearance=None, link_radius=None,
+    velocity_limits=Some("chain".into()), *, fixed=None, branch=None, margin=0.0, swivels=None, limit_weight=None,
+    motion_weight=None, swivel_weight=None, clearance_weight=None, manipulability_weight=None,
+    acceleration_weight=None, progress=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn py_plan_swivel<'py>(
     py: Python<'py>,
     arm: &Bound<'py, PySrsArm>,
     path: &Bound<'py, PyPath>,
+    scene: Option<&Bound<'py, PyScene>>,
+    cyclic: bool,
     desired: Option<&Bound<'py, PyAny>>,
+    wanted_clearance: Option<f64>,
+    link_radius: Option<f64>,
+    velocity_limits: Option<VelocityLimits<'py>>,
     fixed: Option<&Bound<'py, PyAny>>,
     branch: Option<[i8; 3]>,
     margin: f64,
-    velocity_limits: Option<VelocityLimits<'py>>,
     swivels: Option<Integer>,
     limit_weight: Option<f64>,
     motion_weight: Option<f64>,
     swivel_weight: Option<f64>,
+    clearance_weight: Option<f64>,
+    manipulability_weight: Option<f64>,
+    acceleration_weight: Option<f64>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PySwivelPlan>> {
     let swivels = swivels.map(|n| n.count("swivels", 0)).transpose()?;
@@ -103,15 +125,7 @@ pub fn py_plan_swivel<'py>(
         }
         Some(VelocityLimits::Values(values)) => Some(read_vector(&values, "velocity_limits", Some(7))?),
     };
-    let branch = match branch {
-        None => None,
-        Some(signs) if signs.iter().all(|s| s.abs() == 1) => {
-            Some(signs.iter().zip([4, 2, 1]).map(|(s, bit)| if *s < 0 { bit } else { 0 }).sum())
-        }
-        Some(signs) => {
-            return Err(to_py(Error::Invalid(format!("branch is {signs:?}, its signs must be 1 or -1"))));
-        }
-    };
+    let branch = branch.map(read_branch).transpose()?;
     let default = SwivelPlanSettings::default();
     let settings = SwivelPlanSettings {
         swivels: swivels.unwrap_or(default.swivels),
@@ -122,10 +136,37 @@ pub fn py_plan_swivel<'py>(
         motion_weight: motion_weight.unwrap_or(default.motion_weight),
         swivel_weight: swivel_weight.unwrap_or(default.swivel_weight),
         velocity_limits,
+        scene: scene.map(|scene| scene.get().scene.clone()),
+        link_radius: link_radius.unwrap_or(default.link_radius),
+        wanted_clearance: wanted_clearance.unwrap_or(default.wanted_clearance),
+        clearance_weight: clearance_weight.unwrap_or(default.clearance_weight),
+        manipulability_weight: manipulability_weight.unwrap_or(default.manipulability_weight),
+        acceleration_weight: acceleration_weight.unwrap_or(default.acceleration_weight),
+        cyclic,
     };
+    let plan = with_progress(py, progress, |report| plan_swivel(arm, path, &settings, report))?;
+    let trajectory = plan.trajectory(arm.chain(), path).map_err(to_py)?;
+    with_trajectory(py, plan, trajectory)
+}
+
+fn with_trajectory<'py>(
+    py: Python<'py>,
+    plan: SwivelPlan,
+    trajectory: Trajectory,
+) -> PyResult<Bound<'py, PySwivelPlan>> {
+    let base = PyClassInitializer::from(PyTrajectory::from(trajectory));
+    Bound::new(py, base.add_subclass(PySwivelPlan { plan }))
+}
+
+/// Calls `work` without the GIL; it reports to `progress`, and stops on Ctrl-C or when `progress` raises.
+fn with_progress<T: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&mut dyn FnMut(f64) -> bool) -> redundancy_core::Result<T> + Send,
+) -> PyResult<T> {
     let mut stopped = None;
-    let plan = py.detach(|| {
-        plan_swivel(arm, path, &settings, &mut |share| {
+    let done = py.detach(|| {
+        work(&mut |share| {
             let report = |py: Python<'_>| -> PyResult<()> {
                 py.check_signals()?;
                 progress.as_ref().map_or(Ok(()), |call| call.call1(py, (share,)).map(drop))
@@ -139,13 +180,184 @@ pub fn py_plan_swivel<'py>(
             }
         })
     });
-    if let Some(error) = stopped {
-        return Err(error);
+    match stopped {
+        Some(error) => Err(error),
+        None => done.map_err(to_py),
     }
-    let plan = plan.map_err(to_py)?;
-    let trajectory = plan.trajectory(arm.chain(), path).map_err(to_py)?;
-    let base = PyClassInitializer::from(PyTrajectory::from(trajectory));
-    Bound::new(py, base.add_subclass(PySwivelPlan { plan }))
+}
+
+/// Branch index of signs.
+fn read_branch(signs: [i8; 3]) -> PyResult<usize> {
+    if signs.iter().any(|s| s.abs() != 1) {
+        return Err(to_py(Error::Invalid(format!("branch is {signs:?}, its signs must be 1 or -1"))));
+    }
+    Ok(signs.iter().zip([4, 2, 1]).map(|(s, bit)| if *s < 0 { bit } else { 0 }).sum())
+}
+
+/// The swivel as a dynamical system beside obstacles.
+#[pyclass(name = "SwivelFlow", module = "redundancy", frozen)]
+pub struct PySwivelFlow {
+    flow: SwivelFlow,
+    arm: Py<PySrsArm>,
+    desired: Py<PyAny>,
+    scene: Py<PyScene>,
+}
+
+#[pymethods]
+impl PySwivelFlow {
+    #[new]
+    #[pyo3(signature = (arm, desired, scene=None, form="robust", link_radius=None, *, branch=[1, 1, 1], tau=None,
+        lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, active_distance=None,
+        barrier_rate=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        arm: &Bound<'_, PySrsArm>,
+        desired: &Bound<'_, PyAny>,
+        scene: Option<&Bound<'_, PyScene>>,
+        form: &str,
+        link_radius: Option<f64>,
+        branch: [i8; 3],
+        tau: Option<f64>,
+        lambda_: Option<f64>,
+        gain: Option<f64>,
+        epsilon: Option<f64>,
+        weights: Option<[f64; 4]>,
+        max_rate: Option<f64>,
+        safe_distance: Option<f64>,
+        active_distance: Option<f64>,
+        barrier_rate: Option<f64>,
+    ) -> PyResult<Self> {
+        let py = arm.py();
+        let default = SwivelFlowSettings::default();
+        let settings = SwivelFlowSettings {
+            form: FlowForm::from_name(form).map_err(to_py)?,
+            link_radius: link_radius.unwrap_or(default.link_radius),
+            tau: tau.unwrap_or(default.tau),
+            lambda: lambda_.unwrap_or(default.lambda),
+            gain: gain.unwrap_or(default.gain),
+            epsilon: epsilon.unwrap_or(default.epsilon),
+            weights: weights.unwrap_or(default.weights),
+            max_rate: max_rate.unwrap_or(default.max_rate),
+            safe_distance: safe_distance.unwrap_or(default.safe_distance),
+            active_distance: active_distance.unwrap_or(default.active_distance),
+            barrier_rate: barrier_rate.unwrap_or(default.barrier_rate),
+            branch: read_branch(branch)?,
+        };
+        let scene = match scene {
+            Some(scene) => scene.clone(),
+            None => Bound::new(py, PyScene { scene: Scene::new(&[]).map_err(to_py)? })?,
+        };
+        if !desired.is_callable() {
+            read_angles(desired, "desired")?;
+        }
+        let flow = SwivelFlow::new(&arm.get().arm, &scene.get().scene, settings).map_err(to_py)?;
+        Ok(Self { flow, arm: arm.clone().unbind(), desired: desired.clone().unbind(), scene: scene.unbind() })
+    }
+
+    /// The swivel at `pose` after `dt`.
+    #[pyo3(signature = (pose, s, dt, t=0.0))]
+    fn step(&self, py: Python<'_>, pose: &Bound<'_, PyAny>, s: f64, dt: f64, t: f64) -> PyResult<f64> {
+        let wish = self.desired.bind(py);
+        let wish = if wish.is_callable() {
+            wish.call1((t,))?.extract::<f64>()?
+        } else {
+            match wish.extract::<f64>() {
+                Ok(angle) => angle,
+                Err(_) => {
+                    let message =
+                        "desired has one angle per row of a path; a step needs one angle or a callable of t";
+                    return Err(to_py(Error::Invalid(message.into())));
+                }
+            }
+        };
+        Ok(self.flow.step(&read_pose(pose)?, s, wish, dt, t).map_err(to_py)?.swivel)
+    }
+
+    /// Along a path with times.
+    #[pyo3(signature = (path, s0, dt, *, progress=None))]
+    fn follow<'py>(
+        &self,
+        py: Python<'py>,
+        path: &Bound<'py, PyPath>,
+        s0: f64,
+        dt: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PySwivelPlan>> {
+        let path = &path.get().path;
+        let wish = self.desired.bind(py);
+        let desired = if wish.is_callable() {
+            let times = SwivelFlow::times(path, dt).map_err(to_py)?;
+            times.iter().map(|t| wish.call1((*t,))?.extract::<f64>()).collect::<PyResult<Vec<f64>>>()?
+        } else {
+            let angles = read_angles(wish, "desired")?;
+            if angles.len() == path.len() && angles.len() > 1 {
+                // One for each point of the path: taken at the times of the rows.
+                let times = SwivelFlow::times(path, dt).map_err(to_py)?;
+                path.t()
+                    .map_or(angles.clone(), |t| times.iter().map(|x| interpolated(t, &angles, *x)).collect())
+            } else {
+                angles
+            }
+        };
+        let (plan, trajectory) =
+            with_progress(py, progress, |report| self.flow.follow(path, s0, dt, &desired, report))?;
+        with_trajectory(py, plan, trajectory)
+    }
+
+    /// `"paper"`, `"paper_u"` or `"robust"`.
+    #[getter]
+    fn form(&self) -> &'static str {
+        self.flow.settings().form.as_str()
+    }
+
+    /// The arm.
+    #[getter]
+    fn arm(&self, py: Python<'_>) -> Py<PySrsArm> {
+        self.arm.clone_ref(py)
+    }
+
+    /// The obstacles.
+    #[getter]
+    fn scene(&self, py: Python<'_>) -> Py<PyScene> {
+        self.scene.clone_ref(py)
+    }
+
+    fn __repr__(&self) -> String {
+        let words: Vec<&str> = self.flow.scene().obstacles().iter().map(|o| o.shape.as_str()).collect();
+        format!(
+            "SwivelFlow({}, form='{}', [{}])",
+            self.flow.arm().chain().name(),
+            self.form(),
+            words.join(", ")
+        )
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let settings = self.flow.settings();
+        let options = PyDict::new(py);
+        options.set_item("form", self.form())?;
+        options.set_item("link_radius", settings.link_radius)?;
+        options.set_item("branch", signs_of(settings.branch))?;
+        options.set_item("tau", settings.tau)?;
+        options.set_item("lambda_", settings.lambda)?;
+        options.set_item("gain", settings.gain)?;
+        options.set_item("epsilon", settings.epsilon)?;
+        options.set_item("weights", settings.weights)?;
+        options.set_item("max_rate", settings.max_rate)?;
+        options.set_item("safe_distance", settings.safe_distance)?;
+        options.set_item("active_distance", settings.active_distance)?;
+        options.set_item("barrier_rate", settings.barrier_rate)?;
+        let class = py.get_type::<Self>();
+        let make = py.import("functools")?.getattr("partial")?.call((class,), Some(&options))?;
+        Ok((make, (&self.arm, &self.desired, &self.scene).into_pyobject(py)?))
+    }
+}
+
+/// Linear between the samples.
+fn interpolated(t: &[f64], values: &[f64], at: f64) -> f64 {
+    let k = t.partition_point(|x| *x <= at).clamp(1, t.len() - 1);
+    let share = ((at - t[k - 1]) / (t[k] - t[k - 1])).clamp(0.0, 1.0);
+    values[k - 1] + share * (values[k] - values[k - 1])
 }
 
 /// `"chain"` or seven numbers.

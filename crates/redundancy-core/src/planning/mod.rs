@@ -1,9 +1,11 @@
 //! Whole paths: which configuration and which tool orientation, point by point and all at once.
 
+mod arm_clearance;
 mod lines;
 mod orientation_plan;
 mod orientation_rule;
 mod speed;
+mod swivel_flow;
 mod swivel_plan;
 mod tracker;
 
@@ -14,5 +16,6 @@ pub use orientation_rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Sur
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
+pub use swivel_flow::{FlowForm, FlowStep, SwivelFlow, SwivelFlowSettings};
 pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 pub use tracker::{Track, TrackSettings, track};

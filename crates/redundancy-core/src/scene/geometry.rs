@@ -138,7 +138,7 @@ impl LinkCapsule {
         }
     }
 
-    /// Adds `factor d distance / d q` to `out`.
+    /// Adds `factor d distance / d q` to `out`; in it only the motion of the link counts.
     #[inline(always)]
     pub(crate) fn add_gradient(
         &self,

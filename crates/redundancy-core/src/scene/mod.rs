@@ -107,6 +107,11 @@ impl Scene {
         &self.inner.obstacles
     }
 
+    /// The obstacles with balls around them.
+    pub(crate) fn shapes_and_balls(&self) -> impl Iterator<Item = (&Shape, &(Vector3<f64>, f64))> {
+        self.inner.obstacles.iter().map(|o| &o.shape).zip(&self.inner.balls)
+    }
+
     /// True where some obstacle moves.
     pub fn moves(&self) -> bool {
         self.obstacles().iter().any(|o| o.velocity != Vector3::zeros())

@@ -2,6 +2,8 @@
 
 use std::sync::OnceLock;
 
+use nalgebra::Vector3;
+
 use super::intervals::Arcs;
 use super::srs::{Circle, Reach, SrsArm, opposite, signs};
 use crate::error::{Error, Result};
@@ -92,6 +94,49 @@ impl SelfMotion {
         let mut out = [[0.0; 7]; 8];
         self.circle.all_branches(&self.arm.inner.geometry, [cos, sin], &mut out);
         out
+    }
+
+    /// The elbow in the world for the swivel direction `u`, of arms without elbow offset.
+    pub(crate) fn elbow(&self, u: [f64; 2]) -> Vector3<f64> {
+        let (circle, geometry) = (&self.circle, &self.arm.inner.geometry);
+        let w = circle.w0 * u[0] + circle.w1 * u[1];
+        let direction = circle.n * circle.cos_upper + w * circle.sin_upper;
+        geometry.shoulder + geometry.frame * direction * geometry.upper_arm
+    }
+
+    /// `d elbow / d s` in the world, see [`SelfMotion::elbow`].
+    pub(crate) fn elbow_rate(&self, u: [f64; 2]) -> Vector3<f64> {
+        let (circle, geometry) = (&self.circle, &self.arm.inner.geometry);
+        let turned = circle.w1 * u[0] - circle.w0 * u[1];
+        geometry.frame * turned * (circle.sin_upper * geometry.upper_arm)
+    }
+
+    /// One branch at the swivel direction `u`, principal values, and its rates `dq/ds`.
+    pub(crate) fn branch_with_rates(&self, u: [f64; 2], branch: usize) -> ([f64; 7], [f64; 7]) {
+        let geometry = &self.arm.inner.geometry;
+        (self.circle.branch(geometry, u, branch), self.circle.tangent(geometry, u, branch))
+    }
+
+    /// One branch at the swivel direction `u`, principal values.
+    pub(crate) fn branch_at(&self, u: [f64; 2], branch: usize) -> [f64; 7] {
+        self.circle.branch(&self.arm.inner.geometry, u, branch)
+    }
+
+    /// One branch at swivel `s`, principal values.
+    pub(crate) fn branch_of(&self, s: f64, branch: usize) -> [f64; 7] {
+        let (sin, cos) = s.sin_cos();
+        self.branch_at([cos, sin], branch)
+    }
+
+    /// Rates `dq/ds` of one branch at swivel `s`.
+    pub(crate) fn tangent_of(&self, s: f64, branch: usize) -> [f64; 7] {
+        let (sin, cos) = s.sin_cos();
+        self.circle.tangent(&self.arm.inner.geometry, [cos, sin], branch)
+    }
+
+    /// True where the wrist is in reach of the shoulder.
+    pub(crate) fn in_reach(&self) -> bool {
+        self.reach == Reach::Inside
     }
 
     /// Indices of [`SelfMotion::branches`].

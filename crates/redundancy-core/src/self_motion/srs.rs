@@ -32,7 +32,7 @@ use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::pose::{Pose, check_pose};
 use crate::status::Status;
-use crate::tolerance::{EDGE_ROUNDING, GIMBAL_SINE, LIMIT_SLACK, REACH_ROUNDING};
+use crate::tolerance::{EDGE_ROUNDING, GIMBAL_FORCE, GIMBAL_SINE, LIMIT_FORCE, LIMIT_SLACK, REACH_ROUNDING};
 
 /// A swivel: where the elbow is on its circle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -488,6 +488,39 @@ impl SrsArm {
             out[i] = within(q[i], self.inner.lower[i], self.inner.upper[i])?;
         }
         Some(out)
+    }
+
+    /// The windings of `q` within the limits, or some windings where there are none; and which of both.
+    pub(crate) fn within_limits_or_wound(&self, q: &[f64; 7]) -> ([f64; 7], bool) {
+        match self.hold_limits(q) {
+            Some(q) => (q, true),
+            None => (self.wind(q), false),
+        }
+    }
+
+    /// Slopes along the swivel, for the rates `dq/ds` of a configuration: of the logarithm of the gimbals' sines, and of
+    /// `sum_i (x_i^2 / (1 - x_i^2))^2` with x the place in the joint ranges.
+    pub(crate) fn gimbal_and_limit_slopes(&self, q: &[f64; 7], rates: &[f64; 7]) -> (f64, f64) {
+        let Inner { geometry, lower, upper, .. } = &*self.inner;
+        let mut gimbal = 0.0;
+        for i in [1, 5] {
+            let (sin, cos) = (geometry.sign[i] * (q[i] - geometry.zero[i])).sin_cos();
+            // cot, cut off where the gimbal is near anyway.
+            let cot = sin * cos / (sin * sin + GIMBAL_FORCE * GIMBAL_FORCE);
+            gimbal += GIMBAL_FORCE * cot * geometry.sign[i] * rates[i];
+        }
+        let mut limits = 0.0;
+        for i in 0..7 {
+            let half = 0.5 * (upper[i] - lower[i]);
+            if half.is_finite() && half > 0.0 {
+                let wound = within(q[i], lower[i], upper[i]).unwrap_or(q[i]);
+                let x = ((wound - lower[i]) / half - 1.0).clamp(-LIMIT_FORCE, LIMIT_FORCE);
+                let room = 1.0 - x * x;
+                // d/dx (x^2 / (1 - x^2))^2 = 4 x^3 / (1 - x^2)^3
+                limits += 4.0 * x.powi(3) / room.powi(3) * rates[i] / half;
+            }
+        }
+        (gimbal, limits)
     }
 
     /// Each joint's winding within its limits, or its principal value where there is none. For rows that do not hold

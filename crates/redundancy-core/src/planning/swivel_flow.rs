@@ -1,0 +1,576 @@
+//! The swivel as a dynamical system: one step at a time, for poses that are not known in advance.
+//!
+//! # The paper's form
+//! `tau s' = lambda tanh(s_des - s) + (1 - lambda) F_obst` [Moore2010, eqs (30)-(32)]. `F_obst` has the sign of
+//! `d(s + eps) - d(s - eps)` and the size `k / |d|`, with d the distance from the obstacles. Kept as printed, to be
+//! compared with: the force is weak deep inside an obstacle, its sign chatters, tanh does not see that s is an angle, and
+//! neither limits nor the obstacle's own motion count. It gets trapped.
+//!
+//! # The robust form
+//! ```text
+//! tau s' = l1 sin(s_des - s) + l2 F_obst + l3 F_singl + l4 F_limits,     |s'| <= max_rate
+//! F_obst = (dd/ds / |dd/ds|) ((d_act - d) / (d_act - d_safe))^2  for d < d_act, smooth at dd/ds = 0
+//! ```
+//! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
+//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). A barrier then asks for
+//! `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
+//! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
+//! taken, or the one that keeps most of it; where it breaks a joint limit, the step ends before it.
+//!
+//! Even so it decides locally: it can be led into a dead end from which only the other way round the obstacle
+//! leads out. [`plan_swivel`](super::plan_swivel) sees the whole path.
+
+use std::f64::consts::{PI, TAU};
+
+use super::arm_clearance::{ArmClearance, Rates};
+use super::swivel_plan::SwivelPlan;
+use crate::error::{Error, Result, check_finite};
+use crate::path::{Event, EventKind, Path, Trajectory};
+use crate::pose::Pose;
+use crate::scene::Scene;
+use crate::self_motion::{SelfMotion, SrsArm};
+use crate::status::Status;
+use crate::tolerance::{BARRIER_SLOPE, FLOW_SLOPE, JOINT_JUMP};
+
+/// Which dynamical system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FlowForm {
+    /// The paper's, on the angle s.
+    Paper,
+    /// The paper's, on the swivel quaternion u: differences by rotation, the error is the angle between two vectors.
+    PaperU,
+    /// With limits, barrier and rate limit.
+    #[default]
+    Robust,
+}
+
+impl FlowForm {
+    /// Every form.
+    pub const ALL: [Self; 3] = [Self::Paper, Self::PaperU, Self::Robust];
+
+    /// The form as a word.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::PaperU => "paper_u",
+            Self::Robust => "robust",
+        }
+    }
+
+    /// The form with this name.
+    ///
+    /// # Errors
+    /// An unknown name; the message lists the known ones.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|form| form.as_str() == name).ok_or_else(|| {
+            let valid = Self::ALL.iter().map(|form| form.as_str().to_owned()).collect();
+            Error::UnknownName { kind: "form", name: name.into(), valid }
+        })
+    }
+}
+
+/// Settings of [`SwivelFlow`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwivelFlowSettings {
+    /// Which dynamical system.
+    pub form: FlowForm,
+    /// Radius of the links, m.
+    pub link_radius: f64,
+    /// Time constant, s.
+    pub tau: f64,
+    /// Share of the wish in the paper's form; the obstacle has the rest.
+    pub lambda: f64,
+    /// The paper's k: force at one metre.
+    pub gain: f64,
+    /// The paper's epsilon: half the difference step, rad.
+    pub epsilon: f64,
+    /// Robust form: shares of wish, obstacle, singularity and limits; they add up to one.
+    pub weights: [f64; 4],
+    /// Robust form: largest rate, rad/s.
+    pub max_rate: f64,
+    /// Robust form: distance that is kept, m.
+    pub safe_distance: f64,
+    /// Robust form: distance at which the obstacle's force begins, m.
+    pub active_distance: f64,
+    /// Robust form: how fast the barrier lets the distance shrink, 1/s.
+    pub barrier_rate: f64,
+    /// Branch, `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
+    pub branch: usize,
+}
+
+impl Default for SwivelFlowSettings {
+    fn default() -> Self {
+        Self {
+            form: FlowForm::Robust,
+            link_radius: 0.05,
+            tau: 0.1,
+            lambda: 0.5,
+            gain: 0.02,
+            epsilon: 0.001,
+            weights: [0.4, 0.4, 0.05, 0.15],
+            max_rate: 3.0,
+            safe_distance: 0.02,
+            active_distance: 0.1,
+            barrier_rate: 5.0,
+            branch: 0,
+        }
+    }
+}
+
+impl SwivelFlowSettings {
+    /// Checks the settings.
+    ///
+    /// # Errors
+    /// A number out of its range; the message names it and the bound.
+    pub fn validate(&self) -> Result<()> {
+        let out = |what: &str, value: f64, bound: &str| {
+            Err(Error::OutOfRange { what: what.into(), value, bound: bound.into() })
+        };
+        for (what, value) in [
+            ("tau", self.tau),
+            ("epsilon", self.epsilon),
+            ("max_rate", self.max_rate),
+            ("barrier_rate", self.barrier_rate),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return out(what, value, "> 0 and finite");
+            }
+        }
+        for (what, value) in
+            [("link_radius", self.link_radius), ("gain", self.gain), ("safe_distance", self.safe_distance)]
+        {
+            if !(value >= 0.0 && value.is_finite()) {
+                return out(what, value, ">= 0 and finite");
+            }
+        }
+        if !(0.0..=1.0).contains(&self.lambda) {
+            return out("lambda", self.lambda, "between 0 and 1");
+        }
+        if !(self.active_distance > self.safe_distance && self.active_distance.is_finite()) {
+            return out("active_distance", self.active_distance, "above safe_distance");
+        }
+        check_finite("weights", &self.weights)?;
+        let sum: f64 = self.weights.iter().sum();
+        if self.weights.iter().any(|w| *w < 0.0) || (sum - 1.0).abs() > 1e-9 {
+            return out("sum of the weights", sum, "1, each weight >= 0");
+        }
+        if self.branch > 7 {
+            return out("branch index", self.branch as f64, "<= 7");
+        }
+        Ok(())
+    }
+}
+
+/// The swivel as a dynamical system beside obstacles.
+///
+/// ```
+/// use redundancy_core::{Pose, chain::catalog, nalgebra::Vector3, scene::{Scene, Sphere}, self_motion::SrsArm};
+/// use redundancy_core::planning::{SwivelFlow, SwivelFlowSettings};
+/// let arm = SrsArm::new(&catalog::load("pa10")?)?;
+/// let ball = Sphere { center: Vector3::new(0.28, -0.35, 0.48), radius: 0.06 };
+/// let flow = SwivelFlow::new(&arm, &Scene::new(&[ball.into()])?, SwivelFlowSettings::default())?;
+/// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0)?;
+/// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the wish, at most 3 rad/s
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct SwivelFlow {
+    arm: SrsArm,
+    scene: Scene,
+    near: ArmClearance,
+    settings: SwivelFlowSettings,
+}
+
+/// What one step did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlowStep {
+    /// The new swivel, rad, not wrapped.
+    pub swivel: f64,
+    /// Distance from the obstacles at the new swivel, m.
+    pub distance: f64,
+    /// The configuration, with windings that hold the limits where there are such.
+    pub q: [f64; 7],
+    /// Whether it holds the joint limits.
+    pub within_limits: bool,
+    /// Whether the barrier or a limit changed the step.
+    pub corrected: bool,
+}
+
+/// Swivels that are looked at within the rate limit when the step comes too near to an obstacle or breaks a limit.
+const LOOK_AROUND: usize = 32;
+
+/// Halvings of the way from there back to the wished step.
+const BISECTIONS: usize = 8;
+
+impl SwivelFlow {
+    /// For an arm beside a scene.
+    ///
+    /// # Errors
+    /// Invalid settings.
+    pub fn new(arm: &SrsArm, scene: &Scene, settings: SwivelFlowSettings) -> Result<Self> {
+        settings.validate()?;
+        let near = ArmClearance::new(arm, settings.link_radius)?;
+        Ok(Self { arm: arm.clone(), scene: scene.clone(), near, settings })
+    }
+
+    /// The arm.
+    pub fn arm(&self) -> &SrsArm {
+        &self.arm
+    }
+
+    /// The scene at time 0.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Its settings.
+    pub fn settings(&self) -> &SwivelFlowSettings {
+        &self.settings
+    }
+
+    /// The swivel at `pose` after `dt`, from the swivel `s` before. `t` is the time at `pose`: obstacles that move are
+    /// where they are then.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or out of reach, numbers that are not finite, `dt <= 0`.
+    pub fn step(&self, pose: &Pose, s: f64, desired: f64, dt: f64, t: f64) -> Result<FlowStep> {
+        check_finite("s, desired, dt, t", &[s, desired, dt, t])?;
+        if dt <= 0.0 {
+            return Err(Error::OutOfRange { what: "dt".into(), value: dt, bound: "> 0 s".into() });
+        }
+        let motion = self.arm.self_motion(pose)?;
+        if !motion.in_reach() {
+            return Err(Error::Invalid(format!("no swivel over this pose: {}", motion.reason())));
+        }
+        let here = At { flow: self, motion: &motion, pose, t, before: None };
+        Ok(match self.settings.form {
+            FlowForm::Robust => here.robust(s, desired, dt),
+            form => here.paper(s, desired, dt, form),
+        })
+    }
+
+    /// Along a path with times, one row every `dt` and one at its end, from the swivel `s0`. `desired` has one angle, or
+    /// one for every row ([`SwivelFlow::times`]).
+    ///
+    /// # Errors
+    /// A path without times or orientations, or of one point; `dt <= 0`; a point out of reach; a wrong number of angles.
+    pub fn follow(
+        &self,
+        path: &Path,
+        s0: f64,
+        dt: f64,
+        desired: &[f64],
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<(SwivelPlan, Trajectory)> {
+        check_finite("s0", &[s0])?;
+        let times = Self::times(path, dt)?;
+        if desired.len() != 1 {
+            crate::error::check_length("desired", desired, times.len())?;
+        }
+        check_finite("desired", desired)?;
+        let (mut s, mut q) = (s0, Vec::with_capacity(times.len()));
+        let (mut swivel, mut clearance) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
+        let mut outside = None;
+        let mut fastest = (0.0, 0, 0);
+        let mut events = Vec::new();
+        let mut status = Status::Converged;
+        for (k, t) in times.iter().enumerate() {
+            let at = arc_length(path, *t);
+            let pose = path.at(at)?.pose;
+            let motion = self.arm.self_motion(&pose)?;
+            if !motion.in_reach() {
+                return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
+            }
+            let before = q.last().map(|q| (*q, t - times[k - 1]));
+            let here = At { flow: self, motion: &motion, pose: &pose, t: *t, before };
+            let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
+            let step = if k == 0 {
+                here.result(s0, false)
+            } else {
+                let dt = t - times[k - 1];
+                match self.settings.form {
+                    FlowForm::Robust => here.robust(s, wish, dt),
+                    form => here.paper(s, wish, dt, form),
+                }
+            };
+            s = step.swivel;
+            let mut row = step.q;
+            if let Some((before, gap)) = here.before {
+                row = unwound(&row, &before, self.arm.chain().lower(), self.arm.chain().upper());
+                let (used, joint) = self.speed(&row, &before, gap);
+                if used > 1.0 + SPEED_ROUNDING && used > fastest.0 {
+                    fastest = (used, joint, k);
+                }
+            }
+            if !step.within_limits && outside.is_none() {
+                outside = Some(k);
+                let message =
+                    format!("no swivel within reach of one step holds the joint limits at t = {t:.3} s");
+                events.push(Event { kind: EventKind::JointLimit, index: k, t: *t, s: at, message });
+            }
+            q.push(row);
+            swivel.push(s);
+            clearance.push(step.distance);
+            if k % 256 == 0 && !progress(k as f64 / times.len() as f64) {
+                status = Status::Cancelled;
+                break;
+            }
+        }
+        let rows = q.len();
+        let reason = self.verdict(&clearance, outside, fastest, &times);
+        if status == Status::Converged && !reason.is_empty() {
+            let touches = clearance.iter().any(|d| *d < 0.0);
+            status = if outside.is_some() && !touches { Status::Limits } else { Status::Infeasible };
+        }
+        let names = self.arm.chain().joints().iter().map(|j| j.name.clone()).collect();
+        let trajectory =
+            Trajectory::new(names, times[..rows].to_vec(), q.as_flattened().to_vec(), None, events)?;
+        let plan = SwivelPlan {
+            status,
+            reason,
+            branch: vec![self.settings.branch; rows],
+            q,
+            swivel,
+            reconfigurations: Vec::new(),
+            obstructions: Vec::new(),
+            blocked: Vec::new(),
+            clearance: if self.scene.obstacles().is_empty() { Vec::new() } else { clearance },
+        };
+        Ok((plan, trajectory))
+    }
+
+    /// Times of the rows of [`SwivelFlow::follow`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn times(path: &Path, dt: f64) -> Result<Vec<f64>> {
+        let bad = |message: &str| Err(Error::Invalid(message.into()));
+        if !(dt > 0.0 && dt.is_finite()) {
+            return Err(Error::OutOfRange { what: "dt".into(), value: dt, bound: "> 0 s and finite".into() });
+        }
+        if !path.has_orientation() {
+            return bad("the path has positions only; the arm needs an orientation for each point");
+        }
+        let Some(t) = path.t() else {
+            return bad("the path has no times; a flow needs them (Path.with_times)");
+        };
+        if t.len() < 2 {
+            return bad("the path has one point; a flow needs at least two");
+        }
+        let (first, last) = (t[0], t[t.len() - 1]);
+        let steps = ((last - first) / dt - 1e-9).ceil();
+        if steps > MAX_ROWS {
+            return Err(Error::OutOfRange {
+                what: "number of steps".into(),
+                value: steps,
+                bound: format!("<= {MAX_ROWS}"),
+            });
+        }
+        Ok((0..=steps as usize).map(|k| (first + k as f64 * dt).min(last)).collect())
+    }
+
+    /// The largest joint speed from one row to the next as a share of its limit, and the joint.
+    fn speed(&self, q: &[f64; 7], before: &[f64; 7], gap: f64) -> (f64, usize) {
+        let mut most = (0.0, 0);
+        for (i, joint) in self.arm.chain().joints().iter().enumerate() {
+            let step = (q[i] - before[i]).abs();
+            // No limit: what counts as a jump.
+            let used = step / (joint.limits.velocity * gap).min(JOINT_JUMP);
+            if used > most.0 {
+                most = (used, i);
+            }
+        }
+        most
+    }
+
+    /// What went wrong on the way; empty when nothing did.
+    fn verdict(
+        &self,
+        clearance: &[f64],
+        outside: Option<usize>,
+        (used, joint, row): (f64, usize, usize),
+        times: &[f64],
+    ) -> String {
+        let mut parts = Vec::new();
+        if let Some(d) = clearance.first().filter(|d| **d < 0.0) {
+            parts.push(format!("starts {:.3} mm inside an obstacle", -1e3 * d));
+        }
+        let worst = clearance.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+        if let Some((k, d)) = worst.filter(|(_, d)| **d < 0.0) {
+            parts.push(format!("is {:.3} mm inside an obstacle at t = {:.3} s", -1e3 * d, times[k]));
+        }
+        if let Some(k) = outside {
+            parts.push(format!("leaves the joint limits at t = {:.3} s", times[k]));
+        }
+        if used > 0.0 {
+            let name = &self.arm.chain().joints()[joint].name;
+            parts.push(format!(
+                "joint '{name}' turns at {used:.2} times its speed limit at t = {:.3} s",
+                times[row]
+            ));
+        }
+        parts.join("; ")
+    }
+}
+
+/// Relative excess over a speed limit that rounding explains.
+const SPEED_ROUNDING: f64 = 1e-9;
+/// Most rows of a flow: half a gigabyte.
+const MAX_ROWS: f64 = 5e6;
+
+/// A step over one pose.
+struct At<'a> {
+    flow: &'a SwivelFlow,
+    motion: &'a SelfMotion,
+    pose: &'a Pose,
+    t: f64,
+    /// The configuration before, and the time since then.
+    before: Option<([f64; 7], f64)>,
+}
+
+impl At<'_> {
+    fn rates(&self, s: f64) -> Rates {
+        let (sin, cos) = s.sin_cos();
+        self.rates_at([cos, sin])
+    }
+
+    fn rates_at(&self, u: [f64; 2]) -> Rates {
+        let SwivelFlow { scene, near, settings, .. } = self.flow;
+        near.with_rates(self.motion, self.pose, scene, self.t, u, settings.branch)
+    }
+
+    /// The configuration at a swivel: windings within the limits where there are such.
+    fn configuration(&self, s: f64) -> ([f64; 7], bool) {
+        let (sin, cos) = s.sin_cos();
+        let q = self.motion.branch_at([cos, sin], self.flow.settings.branch);
+        self.flow.arm.within_limits_or_wound(&q)
+    }
+
+    fn result(&self, s: f64, corrected: bool) -> FlowStep {
+        let (q, within_limits) = self.configuration(s);
+        FlowStep { swivel: s, distance: self.rates(s).distance, q, within_limits, corrected }
+    }
+
+    fn paper(&self, s: f64, desired: f64, dt: f64, form: FlowForm) -> FlowStep {
+        let settings = &self.flow.settings;
+        let (e, (sin, cos)) = (settings.epsilon, s.sin_cos());
+        let (error, ahead, behind) = if form == FlowForm::PaperU {
+            let (se, ce) = e.sin_cos();
+            let (sd, cd) = desired.sin_cos();
+            let error = (cos * sd - sin * cd).atan2(cos * cd + sin * sd);
+            (
+                error,
+                self.rates_at([cos * ce - sin * se, sin * ce + cos * se]),
+                self.rates_at([cos * ce + sin * se, sin * ce - cos * se]),
+            )
+        } else {
+            (desired - s, self.rates(s + e), self.rates(s - e))
+        };
+        let here = self.rates_at([cos, sin]).distance;
+        let slope = ahead.distance - behind.distance;
+        let sign = if slope > 0.0 {
+            1.0
+        } else if slope < 0.0 {
+            -1.0
+        } else {
+            0.0
+        };
+        // 1/|d| has no bound; at contact itself the force is that at a hair's breadth.
+        let force = if here.is_finite() { sign * settings.gain / here.abs().max(f64::EPSILON) } else { 0.0 };
+        let rate = (settings.lambda * error.tanh() + (1.0 - settings.lambda) * force) / settings.tau;
+        // Explicit Euler as in the paper, but a step of more than half a turn is none.
+        self.result(s + (rate * dt).clamp(-PI, PI), false)
+    }
+
+    fn robust(&self, s: f64, desired: f64, dt: f64) -> FlowStep {
+        let settings = &self.flow.settings;
+        let (sin, cos) = s.sin_cos();
+        let here = self.rates_at([cos, sin]);
+        let (q, slopes) = self.motion.branch_with_rates([cos, sin], settings.branch);
+        let [wish, away, singular, limits] = settings.weights;
+        let mut force = wish * (desired - s).sin();
+        if here.distance < settings.active_distance {
+            let depth = (settings.active_distance - here.distance)
+                / (settings.active_distance - settings.safe_distance);
+            // Smooth where the slope changes sign.
+            let direction =
+                here.by_swivel / (here.by_swivel * here.by_swivel + FLOW_SLOPE * FLOW_SLOPE).sqrt();
+            force += away * direction * (depth * depth).min(4.0);
+        }
+        let (gimbal, room) = self.flow.arm.gimbal_and_limit_slopes(&q, &slopes);
+        force += singular * gimbal.tanh() - limits * room.tanh();
+        let mut rate = (force / settings.tau).clamp(-settings.max_rate, settings.max_rate);
+        let mut corrected = false;
+        // The barrier: how fast the distance may shrink.
+        let floor = -settings.barrier_rate * (here.distance - settings.safe_distance) - here.by_time;
+        if here.distance.is_finite() && here.by_swivel * rate < floor {
+            // What is missing, along the slope; bounded where the slope changes sign.
+            let slope = here.by_swivel;
+            let missing = floor - slope * rate;
+            rate += missing * slope / (slope * slope + BARRIER_SLOPE * BARRIER_SLOPE);
+            rate = rate.clamp(-settings.max_rate, settings.max_rate);
+            corrected = true;
+        }
+        let next = s + rate * dt;
+        // What the step must not do, the worst first: touch, leave the limits, turn a joint too fast. Limits that are
+        // broken already are left to the force, so that it does not chatter.
+        let held = self.configuration(s).1;
+        let faults = |s: f64| {
+            let (q, within) = self.configuration(s);
+            let fast = self.before.is_some_and(|(before, gap)| {
+                let chain = self.flow.arm.chain();
+                self.flow.speed(&unwound(&q, &before, chain.lower(), chain.upper()), &before, gap).0 > 1.0
+            });
+            let distance = self.rates(s).distance;
+            (
+                u8::from(distance < settings.safe_distance) * 4
+                    + u8::from(held && !within) * 2
+                    + u8::from(fast),
+                distance,
+            )
+        };
+        let (fault, distance) = faults(next);
+        if fault == 0 {
+            return self.result(next, corrected);
+        }
+        // The nearest swivel within the rate limit with less to blame; too near to an obstacle, the one that is furthest.
+        let reach = settings.max_rate * dt;
+        let mut best = (fault, distance, next);
+        for i in 0..=LOOK_AROUND {
+            let candidate = s + reach * (2.0 * i as f64 / LOOK_AROUND as f64 - 1.0);
+            let (fault, distance) = faults(candidate);
+            let nearer = (candidate - next).abs() < (best.2 - next).abs();
+            if fault < best.0 || fault == best.0 && if fault >= 4 { distance > best.1 } else { nearer } {
+                best = (fault, distance, candidate);
+            }
+        }
+        // Back towards the wish as far as nothing speaks against it.
+        let mut wish = next;
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (best.2 + wish);
+            let (fault, distance) = faults(middle);
+            if best.0 < 4 && fault <= best.0 {
+                best = (fault, distance, middle);
+            } else {
+                wish = middle;
+            }
+        }
+        self.result(best.2, true)
+    }
+}
+
+/// Arc length of a path at a time.
+fn arc_length(path: &Path, t: f64) -> f64 {
+    let (Some(times), s) = (path.t(), path.s()) else { return 0.0 };
+    let k = times.partition_point(|x| *x <= t).clamp(1, times.len() - 1);
+    let share = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
+    s[k - 1] + share * (s[k] - s[k - 1])
+}
+
+/// The windings of `q` that are nearest to `before` and within the limits.
+fn unwound(q: &[f64; 7], before: &[f64; 7], lower: &[f64], upper: &[f64]) -> [f64; 7] {
+    std::array::from_fn(|i| {
+        let wound = q[i] + TAU * ((before[i] - q[i]) / TAU).round();
+        if wound >= lower[i] && wound <= upper[i] { wound } else { q[i] }
+    })
+}

@@ -1,0 +1,123 @@
+//! Whole paths beside obstacles: the paper's experiments, random scenes, closed paths.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use redundancy_core::nalgebra::{Rotation3, Translation3, Vector3};
+use redundancy_core::path::Path;
+use redundancy_core::planning::{
+    FlowForm, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings, plan_swivel,
+};
+use redundancy_core::scene::{Scene, Sphere};
+use redundancy_core::self_motion::SrsArm;
+use redundancy_core::{Pose, Status};
+
+use super::support::{pa10, pose_error};
+
+/// Three laps of six seconds around a horizontal circle, tool down, a row every hundredth of a second.
+fn laps() -> Path {
+    let down = Rotation3::from_euler_angles(0.0, PI, 0.0);
+    let t: Vec<f64> = (0..=1_800).map(|k| 0.01 * f64::from(k)).collect();
+    let pose = |t: &f64| {
+        let a = TAU * t / 6.0;
+        Pose::from_parts(Translation3::new(0.45 + 0.12 * a.cos(), 0.12 * a.sin(), 0.5), down)
+    };
+    let poses: Vec<Pose> = t.iter().map(pose).collect();
+    Path::new(&poses, None, Some(&t)).unwrap()
+}
+
+/// golden/experiments.json: a ball near where the elbow is at t = .75 s with s = -pi/2.
+fn ball() -> Scene {
+    let arm = SrsArm::new(&pa10()).unwrap();
+    let path = laps();
+    let q = arm.self_motion(&path.poses()[75]).unwrap().branch(0).unwrap().q(-FRAC_PI_2).unwrap();
+    let elbow = arm.chain().forward_link(&q, arm.chain().link_index("link4").unwrap()).unwrap();
+    let center = elbow.translation.vector + Vector3::new(0.02, -0.03, 0.0);
+    assert!((center - Vector3::new(0.2842, -0.3539, 0.4817)).amax() < 1e-4);
+    Scene::new(&[Sphere { center, radius: 0.06 }.into()]).unwrap()
+}
+
+fn ramp(to: f64) -> Vec<f64> {
+    (0..=1_800).map(|k| -PI + (to + PI) * f64::from(k) / 1_800.0).collect()
+}
+
+fn flow(form: FlowForm, lambda: f64, s0: f64, desired: &[f64]) -> SwivelPlan {
+    let arm = SrsArm::new(&pa10()).unwrap();
+    let settings = SwivelFlowSettings { form, lambda, ..Default::default() };
+    let flow = SwivelFlow::new(&arm, &ball(), settings).unwrap();
+    flow.follow(&laps(), s0, 0.01, desired, &mut |_| true).unwrap().0
+}
+
+fn least(plan: &SwivelPlan) -> f64 {
+    plan.clearance.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// Rows at which the rate changes its sign.
+fn flips(swivel: &[f64]) -> Vec<usize> {
+    (1..swivel.len() - 1)
+        .filter(|k| (swivel[*k] - swivel[k - 1]) * (swivel[k + 1] - swivel[*k]) < 0.0)
+        .collect()
+}
+
+/// golden/experiments.json, `seen`: to the millimetre, as the start of the lap and the integrator are not printed.
+#[test]
+fn the_papers_flow_does_what_was_seen() {
+    let hanging = [-FRAC_PI_2];
+    for form in [FlowForm::Paper, FlowForm::PaperU] {
+        let near = |plan: &SwivelPlan, expected: f64, within: f64| {
+            let least = least(plan);
+            assert!((least - expected).abs() < within, "{form:?}: {least}, expected {expected}");
+        };
+        // No force: straight through. With it, from a clear start, around.
+        near(&flow(form, 1.0, -FRAC_PI_2, &hanging), -0.0765, 1e-4);
+        near(&flow(form, 0.5, -0.9, &hanging), 0.0408, 2e-4);
+        // The ramps: without force through the ball, with it trapped before it for good.
+        near(&flow(form, 1.0, -PI, &ramp(5.0 * PI)), -0.0681, 5e-3);
+        near(&flow(form, 1.0, -PI, &ramp(PI)), -0.0455, 5e-3);
+        let fast = flow(form, 0.5, -PI, &ramp(5.0 * PI));
+        near(&fast, 0.0181, 1.5e-3);
+        if form == FlowForm::Paper {
+            assert!((fast.swivel.last().unwrap() + 2.03).abs() < 0.01);
+            let slow = flow(form, 0.5, -PI, &ramp(PI));
+            assert!((slow.swivel.last().unwrap() + 2.03).abs() < 0.01);
+        }
+    }
+}
+
+#[test]
+fn the_robust_flow_keeps_its_distance() {
+    for (name, s0, desired) in
+        [("clear", -0.9, vec![-FRAC_PI_2]), ("fast", -PI, ramp(5.0 * PI)), ("slow", -PI, ramp(PI))]
+    {
+        let plan = flow(FlowForm::Robust, 0.5, s0, &desired);
+        assert!(least(&plan) >= 0.02 - 1e-9, "{name}: {}", least(&plan));
+        // No chatter: it turns round four times a lap with the path, never twice within half a second.
+        let turns = flips(&plan.swivel);
+        assert!(turns.len() < 14 && turns.windows(2).all(|w| w[1] - w[0] > 50), "{name}: {turns:?}");
+        let fastest = plan.swivel.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+        assert!(fastest <= 0.03 + 1e-12, "{name}: {fastest}");
+    }
+    // From inside: it says how deep, and leaves.
+    let plan = flow(FlowForm::Robust, 0.5, -FRAC_PI_2, &[-FRAC_PI_2]);
+    assert!(plan.reason.contains("starts 62.46"), "{}", plan.reason);
+    assert!(plan.clearance[60..].iter().all(|d| *d >= 0.02 - 1e-9));
+}
+
+#[test]
+fn the_plan_solves_all_three() {
+    let arm = SrsArm::new(&pa10()).unwrap();
+    for desired in [vec![-FRAC_PI_2], ramp(5.0 * PI), ramp(PI)] {
+        let settings = SwivelPlanSettings {
+            scene: Some(ball()),
+            choice: SwivelChoice::Near(desired),
+            branch: Some(0),
+            ..Default::default()
+        };
+        let plan = plan_swivel(&arm, &laps(), &settings, &mut |_| true).unwrap();
+        assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+        assert!(least(&plan) >= 0.029, "{}", least(&plan));
+        for (q, pose) in plan.q.iter().zip(laps().poses()).step_by(20) {
+            assert!(arm.chain().within_limits(q, 0.0));
+            assert!(pose_error(&arm.chain().forward(q).unwrap(), pose) < 1e-12);
+        }
+    }
+}
