@@ -1009,7 +1009,7 @@ class Clearance(Criterion):
     """
 
     def __new__(
-        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = 0.002
+        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = ...
     ) -> Self: ...
 
 @final

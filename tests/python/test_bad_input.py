@@ -26,7 +26,7 @@ CONE = rd.Cone((0, 0, 1), (0, 0, 1), 0.4)
         ("threads", lambda n: ARM.solve_batch([POSE], 0.1, threads=n)),
         ("max_iterations", lambda n: rd.OrientationOptimizer([(1.0, CONE)], max_iterations=n)),
         ("seed", lambda n: VOLUME.sample(3, seed=n)),
-        ("n", lambda n: VOLUME.sample(n)),
+        ("n", VOLUME.sample),
         ("n", lambda n: rd.paths.circle((0, 0, 0), 1.0, n=n)),
         ("strokes", lambda n: rd.paths.raster((0, 0, 0), 1.0, 0.1, n)),
         ("index", lambda n: rd.Event("limit", n, 0.0, 0.0, "")),
