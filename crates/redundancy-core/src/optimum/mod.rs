@@ -6,7 +6,7 @@
 //! a configuration is, [`constrained_optima`] finds all of them over a pose, [`algorithmic_singularities`] finds where
 //! they vanish, and [`follow_optimum`] follows one along a path and says where it ends and why.
 //!
-//! Source: [Park1996], with corrections: definiteness is sufficient, and only semidefiniteness necessary (their theorem
+//! Source: [Park1996, sections 2 to 4], with corrections: definiteness is sufficient, and only semidefiniteness necessary (their theorem
 //! 3.1 says 'if and only if'); a maximum needs leading minors of alternating sign, not negative ones; their null-space
 //! basis (eq. 11) vanishes at configurations that are not singular when r > 1, so an orthonormal basis is used here;
 //! the four singular configurations of their arm satisfy `mu = A = 0` with a vanishing null vector and are excluded.

@@ -4,8 +4,8 @@
 //! |---|---|---|
 //! | [`ProjectedGradient`] | `J^+ v + (I - J^+ J) eta` [Bettini2000, eq. (2)] | none |
 //! | [`ReducedGradient`] | dependent joints follow, the others take the reduced gradient [Bettini2000, eq. (4)] | none |
-//! | [`ExtendedJacobian`] | stays on a stationary point of the criterion [Park1996] | none |
-//! | [`SaturatedNullspace`] | the largest scale of v that the limits allow, then the nearest to eta [Flacco2015] | position, velocity, acceleration |
+//! | [`ExtendedJacobian`] | stays on a stationary point of the criterion [Park1996, eq. (5)] | none |
+//! | [`SaturatedNullspace`] | the largest scale of v that the limits allow, then the nearest to eta [Flacco2015, section V] | position, velocity, acceleration |
 //!
 //! `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near a singularity
 //! small singular values are damped ([`Damping`]); the motion that uses the freedom is projected exactly all the same,

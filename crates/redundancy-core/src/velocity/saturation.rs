@@ -38,7 +38,7 @@ use crate::tolerance::{BOX_VIOLATION, LIMIT_SLACK, UNREACHABLE_VELOCITY, YIELD_W
 /// Rounds over the joints in which a task that no scale allows is approached.
 const YIELD_ROUNDS: usize = 100;
 
-/// Saturation in the null space: hard position, velocity and acceleration limits [Flacco2015].
+/// Saturation in the null space: hard position, velocity and acceleration limits [Flacco2015, section V].
 ///
 /// ```
 /// use redundancy_core::{chain::catalog, kinematics::Task};
