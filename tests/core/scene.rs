@@ -1,4 +1,4 @@
-//! Distances against brute force and against parry.
+//! Distances against brute force.
 
 use rand::Rng;
 use redundancy_core::chain::{Chain, catalog};

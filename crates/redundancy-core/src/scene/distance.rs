@@ -8,7 +8,8 @@
 //!
 //! Closed forms for sphere and capsule (Ericson, Real-Time Collision Detection, 2005, 5.1.9); for the box a
 //! piecewise linear (inside) or quadratic (outside) convex function of one variable is minimised exactly, by steps from one
-//! piece to the next. Measured beside parry3d-f64's `distance` on the same pairs: see docs/scene.md.
+//! piece to the next. A general library of shapes (parry3d-f64) was not taken: it gives the depth of the whole capsule,
+//! not of its axis, in a box, and nothing here is larger than a page.
 
 use nalgebra::Vector3;
 
