@@ -169,9 +169,10 @@ impl Trajectory {
         };
         for event in &events {
             check_finite("event", &[event.t, event.s])?;
-            if event.index >= t.len() {
+            // One past the end is the point that a plan which ends early did not reach.
+            if event.index > t.len() {
                 return Err(Error::Invalid(format!(
-                    "an event has index {}, the trajectory has {} rows",
+                    "an event has index {}, the trajectory has only {} rows",
                     event.index,
                     t.len()
                 )));
