@@ -55,8 +55,8 @@ def test_events_belong_to_their_trajectory():
     for t, s in [(np.nan, 0.0), (0.0, np.inf)]:
         with pytest.raises(rd.RedundancyError):
             rd.Event("limit", 0, t, s, "")
-    event = rd.Event("limit", 2, 0.0, 0.0, "")
-    with pytest.raises(rd.RedundancyError, match="index 2, the trajectory has 2 rows"):
+    event = rd.Event("limit", 3, 0.0, 0.0, "")
+    with pytest.raises(rd.RedundancyError, match="index 3, the trajectory has only 2 rows"):
         rd.Trajectory(["a"], [0.0, 1.0], [[0.0], [1.0]], events=[event])
 
 
