@@ -30,7 +30,7 @@ pub const CLEARANCE_SMOOTHING: f64 = 0.002;
 /// let arm = catalog::load("pa10")?;
 /// let scene = Scene::new(&[Sphere { center: Vector3::new(0.0, 0.3, 0.6), radius: 0.1 }.into()])?;
 /// let h = Clearance::new(&arm, &scene, 0.05)?;
-/// assert!((h.value(&[0.0; 7]) - 0.15).abs() < 1e-12);
+/// assert!((h.value(&[0.0; 7]) - 0.15).abs() < 1e-9); // the soft minimum counts farther links a little
 /// let mut gradient = [0.0; 7];
 /// h.gradient(&[0.0; 7], &mut gradient); // joint 2 tilts the upper arm about y: across to the ball
 /// assert!(gradient[1].abs() < 1e-12);
