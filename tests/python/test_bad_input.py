@@ -21,7 +21,7 @@ CONE = rd.Cone((0, 0, 1), (0, 0, 1), 0.4)
 @pytest.mark.parametrize(
     ("name", "call"),
     [
-        ("threads", lambda n: VOLUME.margin(IDENTITY, threads=n)),
+        ("threads", lambda n: VOLUME.margin([IDENTITY, IDENTITY], threads=n)),
         ("threads", lambda n: CHAIN.forward(np.zeros((2, 7)), threads=n)),
         ("threads", lambda n: ARM.solve_batch([POSE], 0.1, threads=n)),
         ("max_iterations", lambda n: rd.OrientationOptimizer([(1.0, CONE)], max_iterations=n)),
@@ -46,7 +46,9 @@ def test_complex_and_masked_arrays_are_refused():
     with pytest.raises(rd.RedundancyError, match="complex"):
         CHAIN.forward(np.zeros(7) + 1j)
     with pytest.raises(rd.RedundancyError, match="masked"):
-        CHAIN.forward(np.ma.masked_array(np.zeros(7), mask=[1, 0, 0, 0, 0, 0, 0]))
+        CHAIN.forward(np.ma.masked_array(np.zeros((2, 7)), mask=np.eye(2, 7)))
+    with pytest.raises(rd.RedundancyError, match="masked"):
+        rd.JointRange(CHAIN).value(np.ma.masked_array(np.zeros(7), mask=[1, 0, 0, 0, 0, 0, 0]))
     whole = np.ma.masked_array(np.zeros(7), mask=np.zeros(7))
     assert np.array_equal(CHAIN.forward(whole), CHAIN.forward(np.zeros(7)))
 

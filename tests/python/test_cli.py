@@ -86,7 +86,9 @@ def test_demo_follows_two_paths_of_1000_points(capsys, tmp_path):
     assert (status, err) == (0, "")
     for name in ("pa10", "iiwa"):
         assert len(rd.Trajectory.from_csv(tmp_path / name / "trajectory.csv")) == 1000
-    assert out.count("$ redundancy track") == 2
+    # Two rasters, and an elbow that goes round a ball.
+    assert out.count("$ redundancy track") == 3
+    assert out.count("$ redundancy paint") == 1
 
 
 def test_points_out_of_reach(capsys, raster, tmp_path):
