@@ -10,7 +10,7 @@
 //! convergence feels its error, not the result. Kinematic singularities, where `mu = A = 0` for want of a null space
 //! (the paper's plots show them as intersections too), are excluded by the singular values of J.
 //!
-//! Cost for the planar arm with three joints: about 0.1 ms per start.
+//! Cost for the planar arm with three joints: about 0.3 ms per start; a hundred starts find all ten points.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
