@@ -7,6 +7,9 @@ mod orientation_rule;
 mod speed;
 mod swivel_flow;
 mod swivel_plan;
+mod swivel_problem;
+mod swivel_refine;
+mod swivel_search;
 mod tracker;
 
 pub use orientation_plan::{
