@@ -91,8 +91,3 @@ fn flow(criterion: &mut Criterion) {
 
 criterion_group!(benches, plans, flow);
 criterion_main!(benches);
-pub fn one(points: usize, swivels: usize, with: bool) -> redundancy_core::planning::SwivelPlan {
-    let arm = SrsArm::new(&catalog::load("iiwa14").expect("arm")).expect("arm");
-    let settings = SwivelPlanSettings { swivels, scene: with.then(primitives), ..Default::default() };
-    plan_swivel(&arm, &raster(points), &settings, &mut |_| true).expect("plan")
-}

@@ -196,6 +196,9 @@ pub(super) struct Problem<'a> {
     pub circles: Vec<SelfMotion>,
     pub lower: [f64; 7],
     pub upper: [f64; 7],
+    /// Middle of each joint's range, and one over half of it; 0 for joints without limits.
+    middle: [f64; 7],
+    inverse: [f64; 7],
     /// Part of the path between point k and k + 1.
     pub parts: Vec<f64>,
     /// Largest joint steps between point k and k + 1.
@@ -277,6 +280,9 @@ impl<'a> Problem<'a> {
             lower[i] = arm.chain().lower()[i] + settings.margin;
             upper[i] = arm.chain().upper()[i] - settings.margin;
         }
+        let ranged = |i: usize| (upper[i] - lower[i]).is_finite() && upper[i] > lower[i];
+        let middle = std::array::from_fn(|i| if ranged(i) { 0.5 * (lower[i] + upper[i]) } else { 0.0 });
+        let inverse = std::array::from_fn(|i| if ranged(i) { 2.0 / (upper[i] - lower[i]) } else { 0.0 });
         let total = t.map_or((n - 1).max(1) as f64, |t| t[n - 1] - t[0]);
         let gaps = (1..n).map(|k| t.map_or(1.0, |t| t[k] - t[k - 1]));
         let parts: Vec<f64> = gaps.clone().map(|gap| gap / total).collect();
@@ -296,6 +302,8 @@ impl<'a> Problem<'a> {
             circles,
             lower,
             upper,
+            middle,
+            inverse,
             parts,
             steps,
             windings,
@@ -387,15 +395,24 @@ impl<'a> Problem<'a> {
         Some(cost)
     }
 
+    /// Cost of the joints' places in their ranges.
+    #[inline(always)]
+    pub fn limit_costs(&self, q: &[f64; 7]) -> [f64; 7] {
+        let mut costs = [0.0; 7];
+        for i in 0..7 {
+            costs[i] = self.limit_cost(i, q[i]);
+        }
+        costs
+    }
+
     /// Cost of a joint's place in its range.
     #[inline(always)]
     pub fn limit_cost(&self, i: usize, q: f64) -> f64 {
-        let half = 0.5 * (self.upper[i] - self.lower[i]);
-        if !(half.is_finite() && half > 0.0) {
-            return 0.0;
-        }
-        let x = (q - self.lower[i]) / half - 1.0;
-        let nearness = (x * x / (1.0 - x * x).max(1e-9)).min(LIMIT_CAP);
+        let x = (q - self.middle[i]) * self.inverse[i];
+        let square = x * x;
+        let room = if 1.0 - square > 1e-9 { 1.0 - square } else { 1e-9 };
+        let nearness = square / room;
+        let nearness = if nearness < LIMIT_CAP { nearness } else { LIMIT_CAP };
         self.settings.limit_weight * nearness * nearness
     }
 
@@ -418,7 +435,7 @@ impl<'a> Problem<'a> {
     /// Cost of being at `q` with swivel `s` at point `k`, times the part of the path that belongs to the point; `place`
     /// is [`Problem::place_cost`].
     pub fn node_cost(&self, k: usize, q: &[f64; 7], s: f64, place: f64) -> f64 {
-        let limits: f64 = (0..7).map(|i| self.limit_cost(i, q[i])).sum();
+        let limits: f64 = self.limit_costs(q).iter().sum();
         (place + self.wish_cost(k, s) + limits) * self.share(k)
     }
 
@@ -532,6 +549,8 @@ impl<'a> Problem<'a> {
             circles: kept.iter().map(|k| self.circles[*k].clone()).collect(),
             lower: self.lower,
             upper: self.upper,
+            middle: self.middle,
+            inverse: self.inverse,
             parts,
             steps,
             windings: Windings::new(&self.lower, &self.upper),

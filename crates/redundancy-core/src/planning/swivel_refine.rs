@@ -10,13 +10,15 @@ use crate::kinematics::Scratch;
 /// Most Newton steps of the refinement, and the relative decrease of the cost at which it stops.
 const POLISH_STEPS: usize = 40;
 const POLISH_GAIN: f64 = 1e-7;
+/// Step (rad) below which it stops as well.
+const POLISH_STEP: f64 = 5e-8;
 /// Difference step (rad) of the cost of a point along the swivel.
 const POLISH_DIFFERENCE: f64 = 1e-4;
 /// Most passes in the tube around the chosen line while it still travels, and in all.
 const TUBE_TRAVELS: usize = 40;
 const TUBE_PASSES: usize = 60;
-/// Spacing of the swivels in the tube (rad) at which the line is smooth enough.
-const TUBE_SPACING: f64 = 5e-5;
+/// Spacing of the swivels in the tube (rad) from which Newton's method goes on.
+const TUBE_SPACING: f64 = 1e-3;
 /// Swivels across the tube, odd.
 const TUBE_WIDTH: usize = 9;
 
@@ -239,7 +241,7 @@ impl Problem<'_> {
             }
             solve_banded(&mut band, &mut step);
             let largest = step.iter().fold(0.0f64, |m, d| m.max(d.abs()));
-            if largest.is_nan() || largest < TUBE_SPACING * 1e-3 {
+            if largest.is_nan() || largest < POLISH_STEP {
                 break;
             }
             let mut share = (trust / largest).min(1.0);

@@ -135,7 +135,7 @@ impl<'a> Grid<'a> {
             let all = circle.all_branches(s);
             let mut distances = None;
             for (row, branch) in problem.branches.iter().enumerate() {
-                if allowed & (1 << branch) != 0 && problem.holds(&all[*branch]) {
+                if allowed & (1 << branch) != 0 {
                     let distances = distances.get_or_insert_with(|| problem.distances(k, s, &all, scratch));
                     self.put(&mut layer, k, (row, cell), s, &all[*branch], distances[*branch], scratch);
                     alive[cell] |= 1 << branch;
@@ -175,12 +175,10 @@ impl<'a> Grid<'a> {
                     continue;
                 }
                 let q = problem.circles[k].branch_of(middle, *branch);
-                if problem.holds(&q) {
-                    let distance = problem.distance(k, middle, &q, scratch);
-                    self.put(layer, k, (row, cell), middle, &q, distance, scratch);
-                    layer.narrow.push((row, cell, middle));
-                    alive[cell] |= 1 << branch;
-                }
+                let distance = problem.distance(k, middle, &q, scratch);
+                self.put(layer, k, (row, cell), middle, &q, distance, scratch);
+                layer.narrow.push((row, cell, middle));
+                alive[cell] |= 1 << branch;
             }
         }
     }
@@ -199,17 +197,21 @@ impl<'a> Grid<'a> {
     ) {
         let problem = self.problem;
         let windings = &problem.windings;
+        let wound: [f64; 7] = std::array::from_fn(|i| q[i] + windings.turns[0][i] * TAU);
+        if (0..7).any(|i| !windings.counts(i) && (wound[i] < problem.lower[i] || wound[i] > problem.upper[i]))
+        {
+            return;
+        }
         layer.distance[row * self.cells + cell] = distance;
         let at = self.pad + cell;
         let Some(place) = problem.place_cost(q, distance, scratch) else { return };
+        let costs = problem.limit_costs(&wound);
         // What all windings share.
         let mut shared = place + problem.wish_cost(k, s);
         for i in 0..7 {
-            let wound = q[i] + windings.turns[0][i] * TAU;
-            layer.q[(row * 7 + i) * self.stride + at] = if windings.counts(i) { q[i] } else { wound };
-            if !windings.counts(i) {
-                shared += problem.limit_cost(i, wound);
-            }
+            let counts = windings.counts(i);
+            layer.q[(row * 7 + i) * self.stride + at] = if counts { q[i] } else { wound[i] };
+            shared += if counts { 0.0 } else { costs[i] };
         }
         let share = problem.share(k);
         for (code, turns) in windings.turns.iter().enumerate() {
@@ -276,12 +278,6 @@ impl<'a> Grid<'a> {
         let dead = !jump.is_finite() && row.floor.iter().all(|c| !c.is_finite());
         let weight = problem.step_weight(k - 1);
         let least = problem.steps[k - 1].iter().copied().fold(f64::INFINITY, f64::min);
-        let joint = |layer: &'_ Layer, i: usize, at: usize| -> [f64; LANES] {
-            let from = (branch * 7 + i) * self.stride + at;
-            let mut out = [0.0; LANES];
-            out.copy_from_slice(&layer.q[from..from + LANES]);
-            out
-        };
         let mut best = vec![[f64::INFINITY; LANES]; codes];
         let mut who = vec![[f64::from(NONE); LANES]; codes];
         let mut live: Vec<usize> = Vec::with_capacity(codes);
@@ -305,7 +301,7 @@ impl<'a> Grid<'a> {
                 }
                 who[*code] = [f64::from(NONE); LANES];
             }
-            let target: [[f64; LANES]; 7] = std::array::from_fn(|i| joint(here, i, at));
+            let target: [[f64; LANES]; 7] = std::array::from_fn(|i| *self.lanes(here, branch, i, at));
             for (number, offset) in self.offsets.iter().enumerate() {
                 let from = at.wrapping_add_signed(*offset);
                 // The dearest that could still be bettered.
@@ -322,24 +318,20 @@ impl<'a> Grid<'a> {
                 let mut sum = [0.0; LANES];
                 let mut wrapped = false;
                 for i in 0..7 {
-                    let source = joint(before, i, from);
+                    let source = self.lanes(before, branch, i, from);
                     let mut step = [0.0; LANES];
                     for j in 0..LANES {
                         step[j] = target[i][j] - source[j];
                     }
                     if problem.windings.wraps[i] {
-                        let over = step.iter().any(|d| d.abs() > PI);
-                        if over && problem.windings.counts(i) {
-                            wrapped = true;
-                        } else if over {
-                            step.iter_mut().for_each(|d| *d -= TAU * (*d / TAU).round());
-                        }
+                        wrapped |= self.unwrap(i, &mut step);
                     }
                     for j in 0..LANES {
                         sum[j] += step[j] * step[j];
                     }
                 }
-                if wrapped || checked || sum.iter().any(|s| *s > least * least) {
+                let furthest = sum.iter().fold(0.0, |most, s| if *s > most { *s } else { most });
+                if wrapped || checked || furthest > least * least {
                     for j in 0..width {
                         if !(floor[j] < most[j]) {
                             continue;
@@ -386,6 +378,24 @@ impl<'a> Grid<'a> {
         row.cost = next;
         row.came.push(came);
         self.lower(row, &here.codes[branch]);
+    }
+
+    /// Neighbouring positions of a joint.
+    #[inline(always)]
+    fn lanes<'l>(&self, layer: &'l Layer, branch: usize, joint: usize, at: usize) -> &'l [f64; LANES] {
+        let from = (branch * 7 + joint) * self.stride + at;
+        layer.q[from..].first_chunk().unwrap_or(&[0.0; LANES])
+    }
+
+    /// Takes steps of a joint the short way, where its windings are all alike; whether some of them change its winding.
+    #[inline(always)]
+    fn unwrap(&self, joint: usize, step: &mut [f64; LANES]) -> bool {
+        let over = step.iter().fold(0.0, |most, d| if d.abs() > most { d.abs() } else { most }) > PI;
+        if over && !self.problem.windings.counts(joint) {
+            step.iter_mut().for_each(|d| *d -= TAU * (*d / TAU).round());
+            return false;
+        }
+        over
     }
 
     /// One step between two nodes, with all that may happen on it.
