@@ -82,7 +82,7 @@ fn flow(criterion: &mut Criterion) {
     criterion.bench_function("planning/flow_step", |b| {
         b.iter(|| {
             let pose = poses.next().expect("pose");
-            let step = flow.step(black_box(pose), s, 0.5, 0.01, 0.0).expect("step");
+            let step = flow.step(black_box(pose), s, 0.5, 0.01, 0.0, None).expect("step");
             s = step.swivel;
             step
         });

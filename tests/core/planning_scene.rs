@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use redundancy_core::chain::Limits;
 use redundancy_core::nalgebra::{Rotation3, Translation3, Vector3};
 use redundancy_core::path::Path;
 use redundancy_core::planning::{
@@ -14,7 +15,7 @@ use redundancy_core::{Pose, Status};
 use super::support::{pa10, pose_error};
 
 /// Three laps of six seconds around a horizontal circle, tool down, a row every hundredth of a second.
-fn laps() -> Path {
+pub fn laps() -> Path {
     let down = Rotation3::from_euler_angles(0.0, PI, 0.0);
     let t: Vec<f64> = (0..=1_800).map(|k| 0.01 * f64::from(k)).collect();
     let pose = |t: &f64| {
@@ -26,7 +27,7 @@ fn laps() -> Path {
 }
 
 /// golden/experiments.json: a ball near where the elbow is at t = .75 s with s = -pi/2.
-fn ball() -> Scene {
+pub fn ball() -> Scene {
     let arm = SrsArm::new(&pa10()).unwrap();
     let path = laps();
     let q = arm.self_motion(&path.poses()[75]).unwrap().branch(0).unwrap().q(-FRAC_PI_2).unwrap();
@@ -36,7 +37,7 @@ fn ball() -> Scene {
     Scene::new(&[Sphere { center, radius: 0.06 }.into()]).unwrap()
 }
 
-fn ramp(to: f64) -> Vec<f64> {
+pub fn ramp(to: f64) -> Vec<f64> {
     (0..=1_800).map(|k| -PI + (to + PI) * f64::from(k) / 1_800.0).collect()
 }
 
@@ -51,11 +52,18 @@ fn least(plan: &SwivelPlan) -> f64 {
     plan.clearance.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// Rows at which the rate changes its sign.
-fn flips(swivel: &[f64]) -> Vec<usize> {
-    (1..swivel.len() - 1)
-        .filter(|k| (swivel[*k] - swivel[k - 1]) * (swivel[k + 1] - swivel[*k]) < 0.0)
-        .collect()
+/// Rows at which the rate changes its sign, also where the swivel stood still in between.
+fn turns(swivel: &[f64]) -> Vec<usize> {
+    let mut out = Vec::new();
+    let mut before = 0.0;
+    for (k, w) in swivel.windows(2).enumerate() {
+        let rate = w[1] - w[0];
+        if rate * before < 0.0 {
+            out.push(k);
+        }
+        before = if rate != 0.0 { rate } else { before };
+    }
+    out
 }
 
 /// golden/experiments.json, `seen`: to the millimetre, as the start of the lap and the integrator are not printed.
@@ -90,11 +98,17 @@ fn the_robust_flow_keeps_its_distance() {
     {
         let plan = flow(FlowForm::Robust, 0.5, s0, &desired);
         assert!(least(&plan) >= 0.02 - 1e-9, "{name}: {}", least(&plan));
-        // It turns round about four times a lap with the path, never twice within half a second, but for one place of the
-        // slow ramp, where the barrier takes over: three changes within four rows.
-        let turns = flips(&plan.swivel);
+        // It turns round with the path, twice a lap; nothing chatters.
+        let turns = turns(&plan.swivel);
+        eprintln!(
+            "{name}: {} turns {turns:?} least {} end {:?} {}",
+            turns.len(),
+            least(&plan),
+            plan.swivel.last(),
+            plan.reason
+        );
         let close = turns.windows(2).filter(|w| w[1] - w[0] <= 20).count();
-        assert!(turns.len() < 14 && close <= if name == "slow" { 2 } else { 0 }, "{name}: {turns:?}");
+        assert!(turns.len() < 10 && close == 0, "{name}: {turns:?}");
         let fastest = plan.swivel.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         assert!(fastest <= 0.03 + 1e-12, "{name}: {fastest}");
     }
@@ -122,4 +136,41 @@ fn the_plan_solves_all_three() {
             assert!(pose_error(&arm.chain().forward(q).unwrap(), pose) < 1e-12);
         }
     }
+}
+
+#[test]
+fn the_slow_ramp_is_followed_through_where_the_joints_allow_it() {
+    // Within its limits no branch of the arm reaches swivels around 0 anywhere on the lap: the ramp leads through there.
+    let limited = SrsArm::new(&pa10()).unwrap();
+    let path = laps();
+    for pose in path.poses().iter().take(601).step_by(5) {
+        let motion = limited.self_motion(pose).unwrap();
+        for branch in motion.branches() {
+            for [lower, upper] in branch.intervals(0.0).unwrap() {
+                let zero = lower + (-lower).rem_euclid(TAU);
+                assert!(zero - 0.9 > upper && zero - TAU + 0.9 < lower, "{lower} {upper}");
+            }
+        }
+    }
+    // Without limits the plan follows it to its end, but for a way round the ball.
+    let chain = pa10();
+    let open: Vec<Limits> = chain
+        .joints()
+        .iter()
+        .map(|j| Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..j.limits })
+        .collect();
+    let arm = SrsArm::new(&chain.with_limits(&open).unwrap()).unwrap();
+    let wish = ramp(PI);
+    let settings = SwivelPlanSettings {
+        scene: Some(ball()),
+        choice: SwivelChoice::Near(wish.clone()),
+        ..Default::default()
+    };
+    let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
+    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+    assert!(least(&plan) >= 0.029, "{}", least(&plan));
+    let error: Vec<f64> = plan.swivel.iter().zip(&wish).map(|(s, w)| s - w).collect();
+    eprintln!("slow ramp: {:?} {:?}", error.iter().step_by(60).collect::<Vec<_>>(), error.last());
+    let turns = (error[1_800] - error[0]) / TAU;
+    assert!(turns.abs() < 0.1 && error[1_800].abs() < 0.3, "{turns} {}", error[1_800]);
 }

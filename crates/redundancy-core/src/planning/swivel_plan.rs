@@ -216,6 +216,12 @@ pub fn plan_swivel(
     if let Some(plan) = problem.blocked() {
         return Ok(plan);
     }
+    // What is done again is not reported again.
+    let mut most = 0.0;
+    let mut progress = |share: f64| {
+        most = share.max(most);
+        progress(most)
+    };
     let cancelled =
         || SwivelPlan { status: Status::Cancelled, reason: "stopped by the caller".into(), ..empty() };
     let fixed = matches!(settings.choice, SwivelChoice::Fixed(_));
@@ -237,14 +243,14 @@ pub fn plan_swivel(
         }
     }
     let grid = Grid::new(&problem, cells, reach(poses.len()));
-    let Some(mut line) = grid.line(false, true, progress) else { return Ok(cancelled()) };
+    let Some(mut line) = grid.line(false, true, &mut progress) else { return Ok(cancelled()) };
     if line.is_none() {
         // Nothing continuous: look closer, and count the reconfigurations.
         let cells = if fixed { 1 } else { cells.max(LAST_SWIVELS) };
         let grid = Grid::new(&problem, cells, LAST_REACH);
-        line = match grid.line(false, true, progress) {
+        line = match grid.line(false, true, &mut progress) {
             None => return Ok(cancelled()),
-            Some(None) => match grid.line(true, true, progress) {
+            Some(None) => match grid.line(true, true, &mut progress) {
                 None => return Ok(cancelled()),
                 Some(line) => line,
             },
