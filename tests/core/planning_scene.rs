@@ -152,7 +152,7 @@ fn the_slow_ramp_is_followed_through_where_the_joints_allow_it() {
             }
         }
     }
-    // Without limits the plan follows it to its end, but for a way round the ball.
+    // Without limits the ball is in the way: the elbow passes it with at most 5.1 mm, at any time of the lap.
     let chain = pa10();
     let open: Vec<Limits> = chain
         .joints()
@@ -160,17 +160,29 @@ fn the_slow_ramp_is_followed_through_where_the_joints_allow_it() {
         .map(|j| Limits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, ..j.limits })
         .collect();
     let arm = SrsArm::new(&chain.with_limits(&open).unwrap()).unwrap();
-    let wish = ramp(PI);
-    let settings = SwivelPlanSettings {
-        scene: Some(ball()),
-        choice: SwivelChoice::Near(wish.clone()),
-        ..Default::default()
+    let passing = |pose: &Pose| {
+        let motion = arm.self_motion(pose).unwrap();
+        let branch = motion.branch(0).unwrap();
+        let at = |i: i32| {
+            let q = branch.q(-FRAC_PI_2 + 0.01 * f64::from(i)).unwrap();
+            ball().clearance(arm.chain(), &q, 0.05).unwrap().unwrap().distance
+        };
+        (-120..120).map(at).fold(f64::INFINITY, f64::min)
     };
-    let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
-    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
-    assert!(least(&plan) >= 0.029, "{}", least(&plan));
-    let error: Vec<f64> = plan.swivel.iter().zip(&wish).map(|(s, w)| s - w).collect();
-    eprintln!("slow ramp: {:?} {:?}", error.iter().step_by(60).collect::<Vec<_>>(), error.last());
-    let turns = (error[1_800] - error[0]) / TAU;
-    assert!(turns.abs() < 0.1 && error[1_800].abs() < 0.3, "{turns} {}", error[1_800]);
+    let widest = path.poses().iter().take(600).step_by(20).map(passing).fold(0.0, f64::max);
+    assert!(widest < 0.006, "{widest}");
+    // So the ramp is followed from the far side of the ball on, to its end.
+    for (name, arm) in [("limited", &limited), ("open", &arm)] {
+        let wish = ramp(PI);
+        let choice = SwivelChoice::Near(wish.clone());
+        let settings = SwivelPlanSettings { scene: Some(ball()), choice, ..Default::default() };
+        let plan = plan_swivel(arm, &path, &settings, &mut |_| true).unwrap();
+        assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+        assert!(least(&plan) >= 0.029, "{}", least(&plan));
+        let error: Vec<f64> =
+            plan.swivel.iter().zip(&wish).map(|(s, w)| ((s - w + PI).rem_euclid(TAU) - PI).abs()).collect();
+        let mean = error.iter().sum::<f64>() / error.len() as f64;
+        eprintln!("slow ramp, {name}: {mean} {:?} {}", error.last(), least(&plan));
+        assert!(error[1_800] < 0.2 && mean < 0.55, "{name}: {mean} {:?}", error.last());
+    }
 }
