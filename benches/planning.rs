@@ -14,7 +14,7 @@ use redundancy_core::Pose;
 use redundancy_core::chain::catalog;
 use redundancy_core::nalgebra::{Rotation3, Vector3};
 use redundancy_core::path::{Path, Raster};
-use redundancy_core::planning::{SwivelFlow, SwivelFlowSettings, SwivelPlanSettings, plan_swivel};
+use redundancy_core::planning::{FlowState, SwivelFlow, SwivelFlowSettings, SwivelPlanSettings, plan_swivel};
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Sphere};
 use redundancy_core::self_motion::SrsArm;
 
@@ -82,7 +82,7 @@ fn flow(criterion: &mut Criterion) {
     criterion.bench_function("planning/flow_step", |b| {
         b.iter(|| {
             let pose = poses.next().expect("pose");
-            let step = flow.step(black_box(pose), s, 0.5, 0.01, 0.0, None).expect("step");
+            let step = flow.step(black_box(pose), s, 0.5, 0.01, 0.0, &FlowState::default()).expect("step");
             s = step.swivel;
             step
         });

@@ -277,6 +277,8 @@ class Path:
     def __new__(
         cls, poses: ArrayLike | Any, s: ArrayLike | None = None, t: ArrayLike | None = None
     ) -> Path: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
     @staticmethod
     def from_csv(path: str | PathLike[str]) -> Path:
         """Read a CSV file with a header line and the columns `x,y,z`, `qw,qx,qy,qz` and, where wanted, `s` and `t`.
@@ -402,8 +404,6 @@ class Trajectory:
         qd: ArrayLike | None = None,
         events: Sequence[Event] | None = None,
     ) -> Self: ...
-    def __eq__(self, other: object, /) -> bool: ...
-    def __ne__(self, other: object, /) -> bool: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     @staticmethod
@@ -1694,7 +1694,13 @@ class SwivelFlow:
         barrier_rate: float | None = None,
     ) -> Self: ...
     def step(
-        self, pose: _Pose, s: float, dt: float, t: float = 0.0, q: ArrayLike | None = None
+        self,
+        pose: _Pose,
+        s: float,
+        dt: float,
+        t: float = 0.0,
+        q: ArrayLike | None = None,
+        rate: float | None = None,
     ) -> float:
         """The swivel (rad) at `pose` and time `t`, from the swivel `s` a time `dt` before.
 
@@ -1704,7 +1710,9 @@ class SwivelFlow:
             dt: Time since then, s.
             t: Where obstacles that move are, s.
             q: `(7,)` joints before. With them the robust form holds the joint speed limits where some swivel within
-                `max_rate` does, as `follow` does, and sees how the path moves the gimbals.
+                `max_rate` does, as `follow` does.
+            rate: Rate of the swivel before, rad/s. With it the robust form smooths the new one, and beside an obstacle
+                turns round only for more than a small force, as `follow` does.
 
         Raises:
             RedundancyError: A pose out of reach, `dt <= 0`, numbers that are not finite.

@@ -98,15 +98,16 @@ fn the_robust_flow_keeps_its_distance() {
     {
         let plan = flow(FlowForm::Robust, 0.5, s0, &desired);
         assert!(least(&plan) >= 0.02 - 1e-9, "{name}: {}", least(&plan));
-        // It turns round with the path, twice a lap; nothing chatters.
+        // It turns round with the path; nothing chatters.
         let turns = turns(&plan.swivel);
-        eprintln!(
-            "{name}: {} turns {turns:?} least {} end {:?} {}",
-            turns.len(),
-            least(&plan),
-            plan.swivel.last(),
-            plan.reason
-        );
+        for k in &turns {
+            let rates: Vec<f64> = (k - 2..k + 4)
+                .filter(|k| k + 1 < plan.swivel.len())
+                .map(|k| (plan.swivel[k + 1] - plan.swivel[k]) * 100.0)
+                .collect();
+            eprintln!("  {k} {:.3} d {:.4} {rates:.3?}", plan.swivel[*k], plan.clearance[*k]);
+        }
+        eprintln!("{name}: {} turns {turns:?} least {} {}", turns.len(), least(&plan), plan.reason);
         let close = turns.windows(2).filter(|w| w[1] - w[0] <= 20).count();
         assert!(turns.len() < 10 && close == 0, "{name}: {turns:?}");
         let fastest = plan.swivel.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);

@@ -466,13 +466,10 @@ pub const FLOW_SLOPE: f64 = 0.02;
 /// Slope of the distance along the swivel (m/rad) below which the barrier of a swivel flow fades: no swivel helps there.
 pub const BARRIER_SLOPE: f64 = 0.005;
 
-/// Share of the obstacle's force within which a swivel flow stands still, as friction does: the balance of wish and
-/// obstacle goes to and fro a little with the path, and following all of it gains nothing.
+/// Share of the obstacle's force that it takes to turn a swivel flow round: the balance of wish and obstacle goes to and
+/// fro a little with the path, and following all of it gains nothing.
 pub const FLOW_FRICTION: f64 = 0.12;
 
-/// Sine of a gimbal's middle angle that the barrier of a swivel flow keeps, some 12 degrees: nearer, the joints beside it
-/// turn more than five times as fast as the elbow goes round.
-pub const FLOW_GIMBAL: f64 = 0.2;
-
-/// Slope of that sine along the swivel (1/rad) below which the barrier fades: no swivel helps there.
-pub const GIMBAL_SLOPE: f64 = 0.1;
+/// Time within which a swivel flow follows its wanted rate, as a share of its time constant: shorter than that, so that it
+/// does not swing.
+pub const FLOW_SMOOTHING: f64 = 0.5;

@@ -5,7 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::path::Trajectory;
 use redundancy_core::planning::{
-    FlowForm, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings, plan_swivel,
+    FlowForm, FlowState, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings,
+    plan_swivel,
 };
 use redundancy_core::scene::Scene;
 use redundancy_core::{Error, Status};
@@ -319,7 +320,7 @@ impl PySwivelFlow {
     }
 
     /// The swivel at `pose` after `dt`.
-    #[pyo3(signature = (pose, s, dt, t=0.0, q=None))]
+    #[pyo3(signature = (pose, s, dt, t=0.0, q=None, rate=None))]
     fn step(
         &self,
         py: Python<'_>,
@@ -328,12 +329,14 @@ impl PySwivelFlow {
         dt: f64,
         t: f64,
         q: Option<&Bound<'_, PyAny>>,
+        rate: Option<f64>,
     ) -> PyResult<f64> {
         let before = match q {
             None => None,
             Some(q) => Some(read_vector(q, "q", Some(7))?),
         };
-        let before = before.as_deref().and_then(<[f64]>::first_chunk);
+        let q = before.as_deref().and_then(<[f64]>::first_chunk).copied();
+        let before = FlowState { q, rate };
         let wish = self.desired.bind(py);
         let wish = if wish.is_callable() {
             wish.call1((t,))?.extract::<f64>()?
@@ -347,7 +350,7 @@ impl PySwivelFlow {
                 }
             }
         };
-        Ok(self.flow.step(&read_pose(pose)?, s, wish, dt, t, before).map_err(to_py)?.swivel)
+        Ok(self.flow.step(&read_pose(pose)?, s, wish, dt, t, &before).map_err(to_py)?.swivel)
     }
 
     /// Along a path with times.

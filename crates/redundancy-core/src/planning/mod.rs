@@ -19,6 +19,6 @@ pub use orientation_rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Sur
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
-pub use swivel_flow::{FlowForm, FlowStep, SwivelFlow, SwivelFlowSettings};
+pub use swivel_flow::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings};
 pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 pub use tracker::{Track, TrackSettings, track};

@@ -12,10 +12,10 @@
 //! F_obst = (dd/ds / |dd/ds|) ((d_act - d) / (d_act - d_safe))^2  for d < d_act, smooth at dd/ds = 0
 //! ```
 //! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
-//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). Where the sum is small against
-//! `l2 F_obst` the swivel stands still, as by friction: following the balance of wish and obstacle to and fro gains nothing.
-//! A barrier then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion, and another
-//! one for the same of the sines of shoulder and wrist gimbal, whose dd/dt shows against the joints before. What the step would reach is
+//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). With the rate before, the new
+//! one is smoothed, and beside an obstacle the swivel turns round only when the sum is not small against `l2 F_obst`: the
+//! balance of wish and obstacle goes to and fro with the path, and following all of that gains nothing. A barrier
+//! then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
 //! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
 //! taken, or the one that keeps most of it; where it breaks a joint limit, the step ends before it.
 //!
@@ -32,7 +32,7 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::self_motion::{SelfMotion, SrsArm};
 use crate::status::Status;
-use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_GIMBAL, FLOW_SLOPE, GIMBAL_SLOPE, JOINT_JUMP};
+use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, JOINT_JUMP};
 
 /// Which dynamical system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -167,11 +167,11 @@ impl SwivelFlowSettings {
 ///
 /// ```
 /// use redundancy_core::{Pose, chain::catalog, nalgebra::Vector3, scene::{Scene, Sphere}, self_motion::SrsArm};
-/// use redundancy_core::planning::{SwivelFlow, SwivelFlowSettings};
+/// use redundancy_core::planning::{FlowState, SwivelFlow, SwivelFlowSettings};
 /// let arm = SrsArm::new(&catalog::load("pa10")?)?;
 /// let ball = Sphere { center: Vector3::new(0.28, -0.35, 0.48), radius: 0.06 };
 /// let flow = SwivelFlow::new(&arm, &Scene::new(&[ball.into()])?, SwivelFlowSettings::default())?;
-/// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0, None)?;
+/// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0, &FlowState::default())?;
 /// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the wish, at most 3 rad/s
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
@@ -181,6 +181,15 @@ pub struct SwivelFlow {
     scene: Scene,
     near: ArmClearance,
     settings: SwivelFlowSettings,
+}
+
+/// What is known of the step before. Both may be left out.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FlowState {
+    /// The joints: the robust form then holds their speed limits too where it can, and windings go on.
+    pub q: Option<[f64; 7]>,
+    /// The rate of the swivel, rad/s: the robust form then goes on smoothly.
+    pub rate: Option<f64>,
 }
 
 /// What one step did.
@@ -231,8 +240,7 @@ impl SwivelFlow {
     }
 
     /// The swivel at `pose` after `dt`, from the swivel `s` before. `t` is the time at `pose`: obstacles that move are
-    /// where they are then. With the joints `before` the robust form holds their speed limits too where it can, and its
-    /// windings go on from there.
+    /// where they are then; `before` is what is known of the step before.
     ///
     /// # Errors
     /// A pose that is not rigid or out of reach, numbers that are not finite, `dt <= 0`.
@@ -243,10 +251,11 @@ impl SwivelFlow {
         desired: f64,
         dt: f64,
         t: f64,
-        before: Option<&[f64; 7]>,
+        before: &FlowState,
     ) -> Result<FlowStep> {
         check_finite("s, desired, dt, t", &[s, desired, dt, t])?;
-        check_finite("joints before", before.map_or(&[], |q| q))?;
+        check_finite("joints before", before.q.as_ref().map_or(&[], |q| q))?;
+        check_finite("rate before", before.rate.as_slice())?;
         if dt <= 0.0 {
             return Err(Error::OutOfRange { what: "dt".into(), value: dt, bound: "> 0 s".into() });
         }
@@ -254,7 +263,7 @@ impl SwivelFlow {
         if !motion.in_reach() {
             return Err(Error::Invalid(format!("no swivel over this pose: {}", motion.reason())));
         }
-        let here = At::new(self, &motion, pose, t, before.map(|q| (*q, dt)));
+        let here = At::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
         Ok(match self.settings.form {
             FlowForm::Robust => here.robust(s, desired, dt),
             form => here.paper(s, desired, dt, form),
@@ -282,7 +291,7 @@ impl SwivelFlow {
         check_finite("desired", desired)?;
         let (mut s, mut q) = (s0, Vec::with_capacity(times.len()));
         let (mut swivel, mut clearance) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
-        let mut outside = None;
+        let (mut outside, mut rate) = (None, None);
         let mut fastest = (0.0, 0, 0);
         let mut events = Vec::new();
         let mut status = Status::Converged;
@@ -294,7 +303,7 @@ impl SwivelFlow {
                 return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
             }
             let before = q.last().map(|q| (*q, t - times[k - 1]));
-            let here = At::new(self, &motion, &pose, *t, before);
+            let here = At::new(self, &motion, &pose, *t, before, rate);
             let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
             let step = if k == 0 {
                 here.result(s0, false)
@@ -305,6 +314,9 @@ impl SwivelFlow {
                     form => here.paper(s, wish, dt, form),
                 }
             };
+            if k > 0 {
+                rate = Some((step.swivel - s) / (t - times[k - 1]));
+            }
             s = step.swivel;
             let row = step.q;
             if let Some((before, gap)) = here.before {
@@ -436,6 +448,8 @@ struct At<'a> {
     now: Now<'a>,
     /// The configuration before, and the time since then.
     before: Option<([f64; 7], f64)>,
+    /// The rate before, rad/s.
+    rate: Option<f64>,
 }
 
 /// What a swivel would be like.
@@ -458,8 +472,9 @@ impl<'a> At<'a> {
         pose: &Pose,
         t: f64,
         before: Option<([f64; 7], f64)>,
+        rate: Option<f64>,
     ) -> Self {
-        Self { flow, motion, now: flow.near.now(pose, &flow.scene, t), before }
+        Self { flow, motion, now: flow.near.now(pose, &flow.scene, t), before, rate }
     }
 
     fn rates(&self, s: f64) -> Rates {
@@ -534,7 +549,7 @@ impl<'a> At<'a> {
         let (sin, cos) = s.sin_cos();
         let here = self.rates_at([cos, sin]);
         let (q, slopes) = self.motion.branch_with_rates([cos, sin], settings.branch);
-        let (wound, held) = self.wound(&q);
+        let (_, held) = self.wound(&q);
         let [wish, away, singular, limits] = settings.weights;
         let mut force = wish * (desired - s).sin();
         let mut stick = 0.0;
@@ -550,29 +565,24 @@ impl<'a> At<'a> {
         }
         let (gimbal, room) = self.flow.arm.gimbal_and_limit_slopes(&q, &slopes);
         force += singular * gimbal.tanh() - limits * room.tanh();
-        // Beside an obstacle a force that is small against the obstacle's moves nothing.
-        force -= force.clamp(-stick, stick);
         let bounded = |rate: f64| rate.clamp(-settings.max_rate, settings.max_rate);
         let mut rate = bounded(force / settings.tau);
-        let mut corrected = false;
-        // A barrier: how fast a height may fall, whose slope along the swivel is known; `fade` where that changes sign.
-        let mut hold = |height: f64, slope: f64, drift: f64, fade: f64| {
-            let floor = -settings.barrier_rate * height - drift;
-            if slope * rate < floor {
-                let missing = floor - slope * rate;
-                rate = bounded(rate + missing * slope / (slope * slope + fade * fade));
-                corrected = true;
+        if let Some(before) = self.rate {
+            // Beside an obstacle it takes more than a small force to turn round.
+            if force * before < 0.0 && force.abs() < stick {
+                rate = 0.0;
             }
-        };
-        // Gimbals first: what the path itself does to them shows against the joints before.
-        let before = self.before.map(|(q, gap)| (self.flow.arm.gimbals(&q, &slopes), gap));
-        for (i, (sine, slope)) in self.flow.arm.gimbals(&wound, &slopes).into_iter().enumerate() {
-            let drift = before.map_or(0.0, |(old, gap)| (sine - old[i].0) / gap);
-            hold(sine - FLOW_GIMBAL, slope, drift, GIMBAL_SLOPE);
+            rate = bounded(before + (rate - before) * dt / (dt + FLOW_SMOOTHING * settings.tau));
         }
-        // Then the obstacles.
-        if here.distance.is_finite() {
-            hold(here.distance - settings.safe_distance, here.by_swivel, here.by_time, BARRIER_SLOPE);
+        let mut corrected = false;
+        // The barrier: how fast the distance may shrink.
+        let floor = -settings.barrier_rate * (here.distance - settings.safe_distance) - here.by_time;
+        if here.distance.is_finite() && here.by_swivel * rate < floor {
+            // What is missing, along the slope; bounded where the slope changes sign.
+            let slope = here.by_swivel;
+            let missing = floor - slope * rate;
+            rate = bounded(rate + missing * slope / (slope * slope + BARRIER_SLOPE * BARRIER_SLOPE));
+            corrected = true;
         }
         let next = self.candidate(s + rate * dt, held);
         if next.fault == 0 {

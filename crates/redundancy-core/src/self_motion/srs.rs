@@ -505,15 +505,6 @@ impl SrsArm {
         }
     }
 
-    /// Sines of the middle angles of shoulder and wrist, without their signs, and their rates.
-    pub(crate) fn gimbals(&self, q: &[f64; 7], rates: &[f64; 7]) -> [(f64, f64); 2] {
-        let geometry = &self.inner.geometry;
-        [1, 5].map(|i| {
-            let (sin, cos) = (geometry.sign[i] * (q[i] - geometry.zero[i])).sin_cos();
-            (sin.abs(), sin.signum() * cos * geometry.sign[i] * rates[i])
-        })
-    }
-
     /// Slopes along the swivel, for the rates `dq/ds` of a configuration: of the logarithm of the gimbals' sines, and of
     /// `sum_i (x_i^2 / (1 - x_i^2))^2` with x the place in the joint ranges.
     pub(crate) fn gimbal_and_limit_slopes(&self, q: &[f64; 7], rates: &[f64; 7]) -> (f64, f64) {
