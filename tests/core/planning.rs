@@ -88,7 +88,6 @@ fn raster_of_the_iiwa_is_legal_and_smooth() {
     // changes that (1.052 rad/s); the others stay below.
     let dt = (10.0 * 0.6 + 9.0 * 0.02) / 999.0 / 0.2;
     let elbow = plan.q.windows(2).map(|w| (w[1][3] - w[0][3]).abs()).fold(0.0, f64::max);
-    eprintln!("raster: margin {margin}, {length} rad, {} rad/s", step / dt);
     assert!(margin > 0.127 && length < 16.45 && step <= elbow.max(1.04 * dt));
     assert!(elbow / dt < 1.053, "{}", elbow / dt);
     // No staircase: away from the corners of the path the swivel runs without kinks, far below a grid cell.

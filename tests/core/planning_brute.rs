@@ -181,7 +181,6 @@ fn a_plan_costs_no_more_than_a_plain_grid_search() {
         assert_eq!(plan.status, Status::Converged, "{name}: {}", plan.reason);
         let ours = Cost::new(arm, path, settings).of(&plan);
         let grid = grid_search(arm, path, settings, cells, (cells / 24) as isize);
-        eprintln!("{name}: {ours} grid {grid}");
         assert!(ours <= grid * (1.0 + 1e-9), "{name}: {ours}, grid search {grid}");
     };
     let iiwa = SrsArm::new(&catalog::load("iiwa14").unwrap()).unwrap();

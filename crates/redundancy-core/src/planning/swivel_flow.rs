@@ -13,8 +13,9 @@
 //! ```
 //! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
 //! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). With the rate before, the new
-//! one is smoothed, and beside an obstacle the swivel turns round only when the sum is not small against `l2 F_obst`: the
-//! balance of wish and obstacle goes to and fro with the path, and following all of that gains nothing. A barrier
+//! one is smoothed, and the swivel does not turn round for next to nothing, beside an obstacle not for a sum that is small
+//! against `l2 F_obst`: the balance of wish and obstacle goes to and fro with the path, and following all of that gains
+//! nothing. A barrier
 //! then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
 //! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
 //! taken, or the one that keeps most of it; where it breaks a joint limit, the step ends before it.
@@ -32,7 +33,7 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::self_motion::{SelfMotion, SrsArm};
 use crate::status::Status;
-use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, JOINT_JUMP};
+use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, FLOW_TURN, JOINT_JUMP};
 
 /// Which dynamical system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -188,7 +189,7 @@ pub struct SwivelFlow {
 pub struct FlowState {
     /// The joints: the robust form then holds their speed limits too where it can, and windings go on.
     pub q: Option<[f64; 7]>,
-    /// The rate of the swivel, rad/s: the robust form then goes on smoothly.
+    /// The rate of the swivel, rad/s ([`FlowStep::rate`]): the robust form then goes on smoothly.
     pub rate: Option<f64>,
 }
 
@@ -197,6 +198,8 @@ pub struct FlowState {
 pub struct FlowStep {
     /// The new swivel, rad, not wrapped.
     pub swivel: f64,
+    /// Its rate, rad/s. Standing still it is half the one before: so the sense in which it turned last is not forgotten.
+    pub rate: f64,
     /// Distance from the obstacles at the new swivel, m.
     pub distance: f64,
     /// The configuration, with windings that hold the limits where there are such.
@@ -306,7 +309,7 @@ impl SwivelFlow {
             let here = At::new(self, &motion, &pose, *t, before, rate);
             let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
             let step = if k == 0 {
-                here.result(s0, false)
+                here.result(s0, 0.0, false)
             } else {
                 let dt = t - times[k - 1];
                 match self.settings.form {
@@ -314,9 +317,7 @@ impl SwivelFlow {
                     form => here.paper(s, wish, dt, form),
                 }
             };
-            if k > 0 {
-                rate = Some((step.swivel - s) / (t - times[k - 1]));
-            }
+            rate = Some(step.rate).filter(|_| k > 0);
             s = step.swivel;
             let row = step.q;
             if let Some((before, gap)) = here.before {
@@ -509,8 +510,8 @@ impl<'a> At<'a> {
         Candidate { s, distance, q, within_limits, fault, used }
     }
 
-    fn result(&self, s: f64, corrected: bool) -> FlowStep {
-        self.candidate(s, false).step(corrected)
+    fn result(&self, s: f64, rate: f64, corrected: bool) -> FlowStep {
+        self.candidate(s, false).step(rate, corrected)
     }
 
     fn paper(&self, s: f64, desired: f64, dt: f64, form: FlowForm) -> FlowStep {
@@ -541,7 +542,7 @@ impl<'a> At<'a> {
         let force = if here.is_finite() { sign * settings.gain / here.abs().max(f64::EPSILON) } else { 0.0 };
         let rate = (settings.lambda * error.tanh() + (1.0 - settings.lambda) * force) / settings.tau;
         // Explicit Euler as in the paper, but a step of more than half a turn is none.
-        self.result(s + (rate * dt).clamp(-PI, PI), false)
+        self.result(s + (rate * dt).clamp(-PI, PI), rate, false)
     }
 
     fn robust(&self, s: f64, desired: f64, dt: f64) -> FlowStep {
@@ -586,7 +587,7 @@ impl<'a> At<'a> {
         }
         let next = self.candidate(s + rate * dt, held);
         if next.fault == 0 {
-            return next.step(corrected);
+            return self.unless_turning(next, s, dt, held, corrected);
         }
         // The nearest swivel within the rate limit with less to blame; too near to an obstacle, the one that is furthest;
         // too fast, the slowest.
@@ -617,14 +618,27 @@ impl<'a> At<'a> {
                 wish = middle.s;
             }
         }
-        best.step(true)
+        self.unless_turning(best, s, dt, held, true)
+    }
+
+    /// The same, or standing still where it would turn round for next to nothing and standing is no worse.
+    fn unless_turning(&self, step: Candidate, s: f64, dt: f64, held: bool, corrected: bool) -> FlowStep {
+        let rate = (step.s - s) / dt;
+        let (before, mut out) = (self.rate.unwrap_or(0.0), step);
+        if before * rate < 0.0 && rate.abs() < FLOW_TURN {
+            let still = self.candidate(s, held);
+            if still.fault <= step.fault {
+                out = still;
+            }
+        }
+        out.step(if out.s == s { 0.5 * before } else { rate }, corrected)
     }
 }
 
 impl Candidate {
-    fn step(self, corrected: bool) -> FlowStep {
+    fn step(self, rate: f64, corrected: bool) -> FlowStep {
         let Self { s, distance, q, within_limits, .. } = self;
-        FlowStep { swivel: s, distance, q, within_limits, corrected }
+        FlowStep { swivel: s, rate, distance, q, within_limits, corrected }
     }
 }
 
