@@ -333,7 +333,7 @@ impl<'a> Grid<'a> {
                 let furthest = sum.iter().fold(0.0, |most, s| if *s > most { *s } else { most });
                 if wrapped || checked || furthest > least * least {
                     for j in 0..width {
-                        if !(floor[j] < most[j]) {
+                        if floor[j] >= most[j] {
                             continue;
                         }
                         let cell = (start + j, (from + j + self.cells * self.pad - self.pad) % self.cells);
