@@ -2,7 +2,7 @@
 
 The raster of `bench_planning.py` on the iiwa14, 1 000 poses. The grid search is what a user writes: 360 swivels x 8
 branches, dynamic programming over neighbouring points, the planner's own cost. Its configurations come from this
-library's closed form, within the limits, so that only the search itself is numpy's; steps of up to 15 degrees of swivel.
+library's closed form, within the limits, so that only the search is numpy's; steps of up to 15 degrees of swivel.
 """
 
 import resource
