@@ -3,12 +3,12 @@
 use rand::Rng;
 use redundancy_core::Pose;
 use redundancy_core::chain::{Chain, catalog};
-use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Posture, Stationarity};
+use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Measure, Posture, Stationarity};
 use redundancy_core::kinematics::{NullSpace, Scratch, Task};
 use redundancy_core::nalgebra::{DMatrix, DVector, Rotation3, Translation3, Vector3};
 use redundancy_core::optimum::{
-    Classifier, CriticalPoint, FollowSettings, FollowedOptimum, Kind, OptimaSettings, SingularitySettings,
-    algorithmic_singularities, classify, cofactor_condition, constrained_optima, follow_optimum, rank_starts,
+    Classifier, CriticalPoint, FollowSettings, FollowedOptimum, Kind, OptimaSettings, SingularitySearch,
+    SingularitySettings, algorithmic_singularities, classify, cofactor_condition, constrained_optima, follow_optimum, rank_starts,
 };
 use redundancy_core::path::{Circle, EventKind, Path};
 use redundancy_core::self_motion::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
@@ -475,8 +475,15 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                             if let [one] = inside[..] {
                                 let wanted = if left.1 > 0.0 { Kind::Maximum } else { Kind::Minimum };
                                 let kind = points[one].classification.kind;
-                                assert!(kind == wanted || kind == Kind::Degenerate, "{kind} {wanted}");
                                 kinds += usize::from(kind == wanted);
+                                if kind != wanted {
+                                    // Too flat to tell, against the terms that the curvature is the difference of.
+                                    assert_eq!(kind, Kind::Degenerate);
+                                    let mut at = Stationarity::new(&chain, h, Task::POSE).unwrap();
+                                    at.second_order(&points[one].q);
+                                    let flat = points[one].classification.eigenvalues[0] / at.scale();
+                                    assert!(flat.abs() < 1e-7, "{flat:e}");
+                                }
                             }
                         }
                         left = right;
@@ -486,7 +493,7 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
             }
         }
     }
-    assert!(cells > 50 && kinds * 100 >= cells * 99, "{cells} {kinds}");
+    assert!(cells > 50 && kinds * 1000 >= cells * 997, "{cells} {kinds}");
 }
 
 #[test]
@@ -580,6 +587,58 @@ fn traced_curves_are_the_circles_of_the_closed_form() {
     }
 }
 
+/// What is exact to rounding is told apart where printed digits are not.
+#[test]
+fn printed_digits_are_degenerate_next_to_a_fold_and_polished_points_are_not() {
+    let (arm, h) = planar();
+    let settings = SingularitySettings::default();
+    for at in algorithmic_singularities(&arm, &h, Task::PLANAR, &settings).unwrap() {
+        let kind = |q: &[f64]| classify(&arm, q, &h, Task::PLANAR).unwrap().kind;
+        let printed: Vec<f64> =
+            at.q.iter().map(|q| ((q.to_degrees() * 1e4).round() * 1e-4).to_radians()).collect();
+        assert_eq!((kind(&at.q), kind(&printed)), (Kind::Degenerate, Kind::Degenerate));
+        // Two critical points meet here: next to it, both are found and are what they are.
+        let pose = arm.forward(&at.q).unwrap();
+        let there = pose.translation.vector;
+        if there.norm() < 0.1 {
+            continue; // the base: the circle about it is a point
+        }
+        let mut found = 0;
+        for along in [1e-9, -1e-9] {
+            let near = Pose::from_parts(Translation3::from(there * (1.0 + along)), pose.rotation);
+            let points =
+                constrained_optima(&arm, &near, &h, Task::PLANAR, &OptimaSettings::default()).unwrap();
+            let pair: Vec<Kind> = points
+                .iter()
+                .filter(|p| p.q.iter().zip(&at.q).skip(1).all(|(a, b)| (a - b).abs() < 1e-3))
+                .map(|p| p.classification.kind)
+                .collect();
+            if !pair.is_empty() {
+                assert_eq!(pair.len(), 2, "{pair:?}");
+                assert!(pair.contains(&Kind::Maximum) && pair.contains(&Kind::Minimum), "{pair:?}");
+                found += 1;
+            }
+        }
+        assert_eq!(found, 1);
+    }
+}
+
+#[test]
+fn a_search_in_pieces_finds_the_same() {
+    let (arm, h) = planar();
+    let settings = SingularitySettings::default();
+    let whole = algorithmic_singularities(&arm, &h, Task::PLANAR, &settings).unwrap();
+    let mut search = SingularitySearch::new(&arm, &h, Task::PLANAR, &settings).unwrap();
+    let mut rounds = 0;
+    while search.starts() > 0 {
+        search.run(1 + rounds % 3 * 64);
+        rounds += 1;
+    }
+    assert_eq!(search.finish(), whole);
+    // Isolated points: it stops when most starts find nothing new.
+    assert!(rounds < 25, "{rounds}");
+}
+
 #[test]
 fn classifying_allocates_nothing() {
     let arm = catalog::load("iiwa14").unwrap();
@@ -589,4 +648,11 @@ fn classifying_allocates_nothing() {
     assert_eq!(allocations::count(|| classifier.classify(&q).unwrap()), 0);
     let mut classifier = Classifier::new(&arm, &h, Task::POSITION).unwrap();
     assert_eq!(allocations::count(|| classifier.classify(&q).unwrap()), 0);
+    for task in [Task::POSE, Task::POSITION, Task::POSE_RPY] {
+        for measure in Measure::ALL {
+            let h = Manipulability::with_measure(&arm, task, measure);
+            let mut classifier = Classifier::new(&arm, &h, task).unwrap();
+            assert_eq!(allocations::count(|| classifier.classify(&q).unwrap()), 0, "{task}");
+        }
+    }
 }

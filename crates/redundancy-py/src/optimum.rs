@@ -6,8 +6,8 @@ use pyo3::types::{PyList, PyType};
 use redundancy_core::kinematics::Task;
 use redundancy_core::optimum::{
     Classification, Classifier, CofactorCondition, CriticalPoint, FollowSettings, FollowedOptimum, Kind,
-    OptimaSettings, SingularPoint, SingularitySettings, Stop, algorithmic_singularities, cofactor_condition,
-    constrained_optima, distance_to_nearest, follow_optimum, rank_starts,
+    OptimaSettings, SingularPoint, SingularitySearch, SingularitySettings, Stop, cofactor_condition,
+    constrained_optima, distance_to_nearest, follow_optimum, follow_starts, sort_starts,
 };
 use redundancy_core::path::Trajectory;
 
@@ -19,6 +19,11 @@ use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
 use crate::status::kind_to_py;
 use crate::task::{read_target, read_task};
+
+/// Critical points that are followed between two looks at Ctrl-C.
+const FOLLOW_BLOCK: usize = 4;
+/// Starts of a search for singularities between two looks at Ctrl-C.
+const SEARCH_BLOCK: usize = 64;
 
 fn task_or_pose(task: Option<&Bound<'_, PyAny>>) -> PyResult<Task> {
     task.map_or(Ok(Task::POSE), read_task)
@@ -512,17 +517,22 @@ pub fn py_rank_starts(
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
     let default = OptimaSettings::default();
     let optima = OptimaSettings { seed, starts: starts.unwrap_or(default.starts), ..default };
-    let mut ranked = Vec::new();
+    let h = criterion.as_ref();
+    let (mut points, mut ranked) = (Vec::new(), Vec::new());
     in_blocks(py, 1, 1, threads, |_| {
-        for start in rank_starts(chain, path, criterion.as_ref(), task, &optima, &settings)? {
-            let trajectory = start.followed.trajectory(chain, path)?;
-            ranked.push((start, trajectory));
-        }
+        points = constrained_optima(chain, &path.poses()[0], h, task, &optima)?;
+        // Says what is wrong with the other arguments where there is no point to follow.
+        follow_starts(chain, path, h, task, Vec::new(), &settings).map(drop)
+    })?;
+    in_blocks(py, points.len(), FOLLOW_BLOCK, threads, |r| {
+        ranked.extend(follow_starts(chain, path, h, task, points[r].to_vec(), &settings)?);
         Ok(())
     })?;
+    sort_starts(&mut ranked, h.sense());
     ranked
         .into_iter()
-        .map(|(start, trajectory)| {
+        .map(|start| {
+            let trajectory = start.followed.trajectory(chain, path).map_err(to_py)?;
             Ok(PyRankedStart {
                 point: Py::new(py, PyCriticalPoint { point: start.point })?,
                 trajectory: PyFollowedOptimum::new_bound(py, start.followed, trajectory)?.unbind(),
@@ -606,12 +616,12 @@ pub fn py_algorithmic_singularities(
     let task = task_or_pose(task)?;
     let default = SingularitySettings::default();
     let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
-    let mut points = Vec::new();
-    in_blocks(py, 1, 1, threads, |_| {
-        points = algorithmic_singularities(chain, criterion.as_ref(), task, &settings)?;
+    let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
+    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
+        search.run(r.len());
         Ok(())
     })?;
-    Ok(points.into_iter().map(|point| PySingularPoint { point }).collect())
+    Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
 }
 
 /// Distance of configurations from the nearest algorithmic singularity.

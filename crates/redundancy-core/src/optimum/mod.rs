@@ -19,6 +19,7 @@ mod singularity;
 pub use classify::{Classification, Classifier, CofactorCondition, Kind, classify, cofactor_condition};
 pub use critical_points::{CriticalPoint, OptimaSettings, constrained_optima};
 pub use follow::{
-    FollowSettings, FollowedOptimum, RankedStart, Stop, distance_to_nearest, follow_optimum, rank_starts,
+    FollowSettings, FollowedOptimum, RankedStart, Stop, distance_to_nearest, follow_optimum, follow_starts,
+    rank_starts, sort_starts,
 };
-pub use singularity::{SingularPoint, SingularitySettings, algorithmic_singularities};
+pub use singularity::{SingularPoint, SingularitySearch, SingularitySettings, algorithmic_singularities};

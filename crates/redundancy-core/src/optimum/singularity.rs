@@ -25,12 +25,17 @@ use crate::tolerance::{
     FOLLOW_DONE, SAME_SINGULARITY, SINGULARITY_DIFFERENCE, SINGULARITY_RANK, SINGULARITY_RESIDUAL,
 };
 
+/// Starts that are done side by side.
+const PIECE: usize = 64;
+/// Least number of starts before isolated points count as complete.
+const ENOUGH: usize = 256;
+
 /// Settings of [`algorithmic_singularities`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SingularitySettings {
     /// Seed of the random starts.
     pub seed: u64,
-    /// Number of random starts. Default 2000.
+    /// Most random starts; isolated points need fewer. Default 2000.
     pub starts: usize,
 }
 
@@ -75,49 +80,114 @@ pub fn algorithmic_singularities(
     task: Task,
     settings: &SingularitySettings,
 ) -> Result<Vec<SingularPoint>> {
-    if settings.starts > 1_000_000 {
-        let (what, value) = ("starts".into(), settings.starts as f64);
-        return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
+    let mut search = SingularitySearch::new(chain, criterion, task, settings)?;
+    search.run(search.starts());
+    Ok(search.finish())
+}
+
+/// [`algorithmic_singularities`] piece by piece, for callers that look for other things to do in between. The result
+/// does not depend on the pieces.
+#[derive(Debug)]
+pub struct SingularitySearch<'a> {
+    chain: &'a Chain,
+    classifier: Classifier<'a>,
+    free: bool,
+    isolated: bool,
+    starts: Vec<Vec<f64>>,
+    /// Starts done.
+    done: usize,
+    /// Starts done when the last new point was found.
+    last_new: usize,
+    points: Vec<SingularPoint>,
+}
+
+impl<'a> SingularitySearch<'a> {
+    /// A search at its beginning.
+    ///
+    /// # Errors
+    /// As [`algorithmic_singularities`].
+    pub fn new(
+        chain: &'a Chain,
+        criterion: &'a dyn Criterion,
+        task: Task,
+        settings: &SingularitySettings,
+    ) -> Result<Self> {
+        if settings.starts > 1_000_000 {
+            let (what, value) = ("starts".into(), settings.starts as f64);
+            return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
+        }
+        let task = geometric(task);
+        let mut classifier = Classifier::new(chain, criterion, task)?;
+        let (n, r) = (chain.dof(), chain.dof() - task.dim());
+        let free = first_joint_is_free(&mut classifier, settings.seed);
+        let unknowns = n - usize::from(free);
+        let count = if unknowns < r + 1 { 0 } else { settings.starts };
+        Ok(Self {
+            chain,
+            classifier,
+            free,
+            isolated: unknowns == r + 1,
+            starts: random_configurations(chain, settings.seed, count).collect(),
+            done: 0,
+            last_new: 0,
+            points: Vec::new(),
+        })
     }
-    let task = geometric(task);
-    let mut classifier = Classifier::new(chain, criterion, task)?;
-    let (n, r) = (chain.dof(), chain.dof() - task.dim());
-    let free = first_joint_is_free(&mut classifier, settings.seed);
-    let unknowns = n - usize::from(free);
-    if unknowns < r + 1 {
-        return Ok(Vec::new());
+
+    /// How many starts are left at most.
+    pub fn starts(&self) -> usize {
+        self.starts.len() - self.done
     }
-    let starts: Vec<Vec<f64>> = random_configurations(chain, settings.seed, settings.starts).collect();
-    let found: Vec<SingularPoint> = starts
-        .into_par_iter()
-        .map_init(
-            || Search::new(classifier.clone(), free),
-            |search, mut q| {
-                if free {
-                    q[0] = 0.0;
+
+    /// Does up to `count` starts, rounded up to a whole number of pieces. Isolated points count as complete when three in
+    /// four starts, and at least 256, have found nothing new.
+    pub fn run(&mut self, count: usize) {
+        let end = self.starts.len().min(self.done.saturating_add(count));
+        while self.done < end {
+            if self.isolated && self.done >= (4 * self.last_new).max(ENOUGH) {
+                self.done = self.starts.len();
+                return;
+            }
+            let piece = &self.starts[self.done..self.starts.len().min(self.done + PIECE)];
+            let (classifier, free) = (&self.classifier, self.free);
+            let found: Vec<Option<SingularPoint>> = piece
+                .par_iter()
+                .map_init(
+                    || Search::new(classifier.clone(), free),
+                    |search, start| {
+                        let mut q = start.clone();
+                        if free {
+                            q[0] = 0.0;
+                        }
+                        search.newton(q)
+                    },
+                )
+                .collect();
+            // In the order of the starts, so that the result does not depend on the number of threads.
+            let mut d = vec![0.0; self.chain.dof()];
+            for (i, point) in found.into_iter().enumerate() {
+                let Some(point) = point else { continue };
+                let known = self.points.iter().any(|other| {
+                    short_way(self.chain, &other.q, &point.q, &mut d);
+                    d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_SINGULARITY
+                });
+                if !known {
+                    self.points.push(point);
+                    self.last_new = self.done + i + 1;
                 }
-                search.newton(q)
-            },
-        )
-        .flatten()
-        .collect();
-    // In the order of the starts, so that the result does not depend on the number of threads.
-    let mut points: Vec<SingularPoint> = Vec::new();
-    let mut d = vec![0.0; n];
-    for point in found {
-        let known = points.iter().any(|other| {
-            short_way(chain, &other.q, &point.q, &mut d);
-            d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_SINGULARITY
-        });
-        if !known {
-            points.push(point);
+            }
+            self.done += piece.len();
         }
     }
-    points.sort_by(|a, b| {
-        let orders = a.q.iter().zip(&b.q).map(|(a, b)| a.total_cmp(b));
-        orders.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
-    });
-    Ok(points)
+
+    /// What was found, sorted by joint values.
+    pub fn finish(mut self) -> Vec<SingularPoint> {
+        self.points.sort_by(|a, b| {
+            let orders = a.q.iter().zip(&b.q).map(|(a, b)| a.total_cmp(b));
+            orders.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        });
+        self.points
+    }
 }
 
 /// Whether mu and W stay when the first joint moves, measured at some configurations.
