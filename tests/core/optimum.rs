@@ -8,7 +8,8 @@ use redundancy_core::kinematics::{NullSpace, Scratch, Task};
 use redundancy_core::nalgebra::{DMatrix, DVector, Rotation3, Translation3, Vector3};
 use redundancy_core::optimum::{
     Classifier, CriticalPoint, FollowSettings, FollowedOptimum, Kind, OptimaSettings, SingularitySearch,
-    SingularitySettings, algorithmic_singularities, classify, cofactor_condition, constrained_optima, follow_optimum, rank_starts,
+    SingularitySettings, algorithmic_singularities, classify, cofactor_condition, constrained_optima,
+    follow_optimum, rank_starts,
 };
 use redundancy_core::path::{Circle, EventKind, Path};
 use redundancy_core::self_motion::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
@@ -482,7 +483,7 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                                     let mut at = Stationarity::new(&chain, h, Task::POSE).unwrap();
                                     at.second_order(&points[one].q);
                                     let flat = points[one].classification.eigenvalues[0] / at.scale();
-                                    assert!(flat.abs() < 1e-7, "{flat:e}");
+                                    assert!(flat.abs() < 2e-7, "{flat:e}");
                                 }
                             }
                         }
