@@ -72,7 +72,7 @@ impl NullSpace {
                 columns[i * n + j] = *entry;
             }
         }
-        let mut positive = m % 2 == 0;
+        let mut positive = m.is_multiple_of(2);
         for (i, order) in self.order.iter_mut().enumerate() {
             *order = i;
         }
