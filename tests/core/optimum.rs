@@ -9,13 +9,13 @@ use redundancy_core::nalgebra::{DMatrix, DVector, Rotation3, Translation3, Vecto
 use redundancy_core::optimum::{
     Classifier, CriticalPoint, FollowSettings, FollowedOptimum, Kind, OptimaSettings, SingularitySearch,
     SingularitySettings, algorithmic_singularities, classify, cofactor_condition, constrained_optima,
-    follow_optimum, rank_starts,
+    follow_optimum, rank_starts, singularity_curves,
 };
 use redundancy_core::path::{Circle, EventKind, Path};
 use redundancy_core::self_motion::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
 
 use crate::allocations;
-use crate::support::{amount, random_q, rng};
+use crate::support::{amount, difference, random_q, rng};
 
 fn planar() -> (Chain, Manipulability) {
     let arm = catalog::load("planar3r").unwrap();
@@ -622,6 +622,62 @@ fn printed_digits_are_degenerate_next_to_a_fold_and_polished_points_are_not() {
         }
         assert_eq!(found, 1);
     }
+}
+
+/// Depends on the first joint (posture) and not (manipulability of four joints, in whose last joint nothing changes).
+#[test]
+fn singularity_curves_hold_the_equations_and_none_is_missed() {
+    let (three, four) = (catalog::load("planar3r").unwrap(), catalog::load("planar4r").unwrap());
+    let posture = Posture::new(&[0.3, 0.5, 0.7]).unwrap();
+    let manipulability = Manipulability::new(&four, Task::PLANAR_POSE);
+    let cases: [(&Chain, &dyn Criterion, Task, bool, usize); 2] =
+        [(&three, &posture, Task::PLANAR, false, 8), (&four, &manipulability, Task::PLANAR_POSE, true, 10)];
+    for (arm, h, task, free, count) in cases {
+        let n = arm.dof();
+        let settings = SingularitySettings { starts: amount(300, 2_000), ..SingularitySettings::default() };
+        let curves = singularity_curves(arm, h, task, &settings, 0.05).unwrap();
+        assert_eq!(curves.len(), count);
+        let mut classifier = Classifier::new(arm, h, task).unwrap();
+        for curve in &curves {
+            assert_eq!((curve.first_joint_free, curve.closed), (free, free));
+            let rows: Vec<&[f64]> = curve.q.chunks_exact(n).collect();
+            assert!(rows.len() > 20);
+            for pair in rows.windows(2) {
+                assert!(pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() < 0.06);
+                assert_eq!(classifier.classify(pair[0]).unwrap(), Kind::Degenerate);
+                // Dense: mu and the least eigenvalue vanish to rounding.
+                let scale = classifier.stationarity().scale();
+                assert!(classifier.residual() < 1e-10 * scale);
+                assert!(classifier.eigenvalues()[0].abs() < 1e-9 * scale);
+            }
+            let (first, last) = (rows[0], rows[rows.len() - 1]);
+            if curve.closed {
+                assert!(difference(first, last) < 1e-6);
+            } else {
+                // Only the windings end them here.
+                for end in [first, last] {
+                    assert!(end.iter().any(|q| q.abs() > std::f64::consts::PI - 0.06), "{end:?}");
+                }
+            }
+        }
+        // Points that another search finds lie on them.
+        let other = SingularitySettings { seed: 7, starts: 100 };
+        for point in algorithmic_singularities(arm, h, task, &other).unwrap() {
+            let rows = curves.iter().flat_map(|curve| curve.q.chunks_exact(n));
+            let nearest = rows.map(|row| difference(row, &point.q)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.05, "{point:?} {nearest}");
+        }
+    }
+    // Points are no curves.
+    let (arm, h) = planar();
+    let text = singularity_curves(&arm, &h, Task::PLANAR, &SingularitySettings::default(), 0.05)
+        .unwrap_err()
+        .to_string();
+    assert!(text.contains("0 dimensions"), "{text}");
+    let text = singularity_curves(&three, &posture, Task::PLANAR, &SingularitySettings::default(), 0.0)
+        .unwrap_err()
+        .to_string();
+    assert!(text.contains("step is 0, it must be from 1e-4 to 0.5"), "{text}");
 }
 
 #[test]

@@ -236,6 +236,27 @@ def test_a_patch_of_two_freedoms() -> None:
         rd.trace_self_motion(arm, q0, task="planar")
 
 
+def test_singularity_curves() -> None:
+    arm = rd.catalog.load("planar3r")
+    posture = rd.Posture(arm, [0.3, 0.5, 0.7])
+    curves = rd.singularity_curves(arm, posture, task="planar", starts=300)
+    assert len(curves) == 8 and [len(c) for c in curves] == sorted((len(c) for c in curves), reverse=True)
+    for curve in curves:
+        assert curve.q.shape == (len(curve), 3) and not curve.closed and not curve.first_joint_free
+        assert {str(at.kind) for at in rd.classify(arm, curve.q, posture, task="planar")} == {"degenerate"}
+        again = pickle.loads(pickle.dumps(curve))
+        np.testing.assert_array_equal(again.q, curve.q)
+        assert repr(again) == repr(curve) == f"SingularityCurve(open, {len(curve)} rows)"
+    one = rd.singularity_curves(arm, posture, task="planar", starts=300, threads=1)
+    for a, b in zip(curves, one, strict=True):
+        np.testing.assert_array_equal(a.q, b.q)
+    with pytest.raises(rd.RedundancyError, match="has 5 dimensions here; curves have one"):
+        iiwa = rd.catalog.load("iiwa14")
+        rd.singularity_curves(iiwa, rd.JointRange(iiwa), starts=10)
+    with pytest.raises(rd.RedundancyError, match=r"step is 1, it must be from 1e-4 to 0\.5"):
+        rd.singularity_curves(arm, posture, task="planar", step=1.0)
+
+
 def interrupted(call: Callable[[], object]) -> float:
     """Seconds from Ctrl-C to the exception."""
     sent = []

@@ -1,13 +1,13 @@
 //! What kind of optimum is it, and where does it break.
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyType};
 use redundancy_core::kinematics::Task;
 use redundancy_core::optimum::{
     Classification, Classifier, CofactorCondition, CriticalPoint, FollowSettings, FollowedOptimum, Kind,
-    OptimaSettings, SingularPoint, SingularitySearch, SingularitySettings, Stop, cofactor_condition,
-    constrained_optima, distance_to_nearest, follow_optimum, follow_starts, sort_starts,
+    OptimaSettings, SingularPoint, SingularityCurve, SingularitySearch, SingularitySettings, Stop,
+    cofactor_condition, constrained_optima, distance_to_nearest, follow_optimum, follow_starts, sort_starts,
 };
 use redundancy_core::path::Trajectory;
 
@@ -622,6 +622,91 @@ pub fn py_algorithmic_singularities(
         Ok(())
     })?;
     Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
+}
+
+/// Configurations at which critical points vanish, in order.
+#[pyclass(name = "SingularityCurve", module = "redundancy", frozen)]
+pub struct PySingularityCurve {
+    curve: SingularityCurve,
+    n: usize,
+}
+
+#[pymethods]
+impl PySingularityCurve {
+    #[new]
+    fn new(q: PyReadonlyArray2<'_, f64>, closed: bool, first_joint_free: bool) -> Self {
+        let (n, q) = (q.as_array().ncols(), q.as_array().iter().copied().collect());
+        Self { curve: SingularityCurve { q, closed, first_joint_free }, n }
+    }
+
+    /// Rows, one configuration each.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, &self.curve.q, [self.__len__(), self.n])
+    }
+
+    /// Whether it ends where it began.
+    #[getter]
+    fn closed(&self) -> bool {
+        self.curve.closed
+    }
+
+    /// Whether every value of the first joint gives such a curve.
+    #[getter]
+    fn first_joint_free(&self) -> bool {
+        self.curve.first_joint_free
+    }
+
+    fn __len__(&self) -> usize {
+        self.curve.q.len() / self.n.max(1)
+    }
+
+    fn __repr__(&self) -> String {
+        let word = if self.curve.closed { "closed" } else { "open" };
+        format!("SingularityCurve({word}, {} rows)", self.__len__())
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyType>, (Bound<'py, PyArray2<f64>>, bool, bool))> {
+        let SingularityCurve { closed, first_joint_free, .. } = self.curve;
+        Ok((py.get_type::<Self>(), (self.q(py)?, closed, first_joint_free)))
+    }
+}
+
+/// Curves on which critical points vanish.
+#[pyfunction]
+#[pyo3(name = "singularity_curves",
+    signature = (chain, criterion, task=None, *, step=0.05, seed=0, starts=None, threads=None))]
+pub fn py_singularity_curves(
+    py: Python<'_>,
+    chain: &Bound<'_, PyChain>,
+    criterion: &Bound<'_, PyCriterion>,
+    task: Option<&Bound<'_, PyAny>>,
+    step: f64,
+    seed: u64,
+    starts: Option<usize>,
+    threads: Option<usize>,
+) -> PyResult<Vec<PySingularityCurve>> {
+    let chain = &chain.get().chain;
+    let criterion = criterion.get().criterion.clone();
+    let task = task_or_pose(task)?;
+    let default = SingularitySettings::default();
+    let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
+    let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
+    search.check_curves(step).map_err(to_py)?;
+    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
+        search.run(r.len());
+        Ok(())
+    })?;
+    let mut tracer = search.tracer(step).map_err(to_py)?;
+    in_blocks(py, tracer.starts(), 1, threads, |r| {
+        tracer.run(r.len());
+        Ok(())
+    })?;
+    let curves = tracer.finish();
+    Ok(curves.into_iter().map(|curve| PySingularityCurve { curve, n: chain.dof() }).collect())
 }
 
 /// Distance of configurations from the nearest algorithmic singularity.
