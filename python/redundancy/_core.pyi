@@ -1318,7 +1318,8 @@ class IkSolver:
         """A configuration over a pose.
 
         Args:
-            pose: `(4, 4)` or SE3-like; `(2,)` for `planar`, `(3,)` for `position` and `planar_pose` (x, y, angle).
+            pose: `(4, 4)` or SE3-like; `(2,)` or `(3,)` for `planar`, `(3,)` for `position` and for `planar_pose` (with the
+                angle).
             q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
             seed: Decides the random starts, if it comes to those. The same seed, the same bits.
 
