@@ -3,7 +3,8 @@
 Random configurations of iiwa14 and dexter with sigma_min > 0.1, a slow tool velocity, dt 10 ms. Every job gets q and the
 wanted velocity and gives joint velocities. Ours and the numpy row pull towards mid-range with the projected gradient;
 pink and placo solve a quadratic program with position and velocity limits and a weak pull to a posture, so the row to
-compare them with is `saturated_nullspace`, which holds the limits too. The error is |J qd - v| by pinocchio.
+compare them with is `saturated_nullspace`, which holds the limits too. The error is |J qd - v|. placo wants an older
+pinocchio than the tests do: it is no part of the bench extra and is measured where it is installed.
 """
 
 import sys

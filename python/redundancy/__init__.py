@@ -30,6 +30,7 @@ from redundancy._core import (
     IkSolver,
     IkTrace,
     JointRange,
+    LinkGeometry,
     Manipulability,
     MaxSpeed,
     NotSphericalWristError,
