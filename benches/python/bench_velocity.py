@@ -1,7 +1,7 @@
 """One control step: joint velocities for a tool velocity, beside pinocchio with numpy, pink with daqp, and placo.
 
-Random configurations of iiwa14 and dexter with sigma_min > 0.1, a slow tool velocity, dt 10 ms. Every job gets q and the
-wanted velocity and gives joint velocities. Ours and the numpy row pull towards mid-range with the projected gradient;
+Random configurations of iiwa14 and dexter with sigma_min > 0.1, a slow tool velocity, dt 10 ms. Every job gets q and
+the wanted velocity and gives joint velocities. Ours and the numpy row pull towards mid-range with the projected gradient;
 pink and placo solve a quadratic program with position and velocity limits and a weak pull to a posture, so the row to
 compare them with is `saturated_nullspace`, which holds the limits too. The error is |J qd - v|. placo wants an older
 pinocchio than the tests do: it is no part of the bench extra and is measured where it is installed.
@@ -50,7 +50,7 @@ def ours(chain: rd.Chain, q: Array) -> dict[str, Job]:
 
 
 def with_numpy(pin: Any, model: Any, chain: rd.Chain, q: Array) -> Job:
-    """What one writes by hand: pinocchio's Jacobian, numpy's pseudoinverse, the projected gradient of the joint range."""
+    """What one writes by hand: pinocchio's Jacobian, numpy's pseudoinverse, the projected gradient of joint range."""
     data, frame = model.createData(), model.getFrameId("tool")
     middle, half = (chain.lower + chain.upper) / 2, (chain.upper - chain.lower) / 2
     n = chain.dof
@@ -133,7 +133,7 @@ def main() -> None:
                 jobs["placo"] = with_placo(placo, pin, text, chain, q)
         seconds = medians(jobs, len(q))
         for job, time in seconds.items():
-            errors = [np.linalg.norm(chain.jacobian(q[i]) @ job_qd - VELOCITY) for i, job_qd in enumerate(map(jobs[job], range(40)))]
+            errors = [np.linalg.norm(chain.jacobian(q[i]) @ jobs[job](i) - VELOCITY) for i in range(40)]
             like = "saturated_nullspace" if job in held else "projected_gradient"
             ratio = "" if job in ours(chain, q) else f"{time / seconds[like]:.0f}"
             lines.append((name, job, time_text(time), ratio, f"{np.median(errors):.0e}", held.get(job, "none")))

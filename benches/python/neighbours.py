@@ -73,14 +73,14 @@ def urdf(chain: rd.Chain) -> str:
     directions, points, tool = axes_and_points(chain)
     links = "".join(f'<link name="link{k}"/>' for k in range(chain.dof + 1))
     joints = []
-    before = np.zeros(3)
+    before, speed = np.zeros(3), np.minimum(chain.velocity_limit, 1e3)
     for k in range(chain.dof):
         xyz, axis = points[k] - before, directions[k]
         before = points[k]
         joints.append(
             f'<joint name="joint{k + 1}" type="revolute"><parent link="link{k}"/><child link="link{k + 1}"/>'
             f'<origin xyz="{xyz[0]} {xyz[1]} {xyz[2]}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
-            f'<limit lower="{chain.lower[k]}" upper="{chain.upper[k]}" velocity="{min(chain.velocity_limit[k], 1e3)}" effort="1e3"/></joint>'
+            f'<limit lower="{chain.lower[k]}" upper="{chain.upper[k]}" velocity="{speed[k]}" effort="1e3"/></joint>'
         )
     pitch = np.arctan2(-tool[2, 0], np.hypot(tool[0, 0], tool[1, 0]))
     roll, yaw = np.arctan2(tool[2, 1], tool[2, 2]), np.arctan2(tool[1, 0], tool[0, 0])

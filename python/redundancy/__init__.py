@@ -119,6 +119,7 @@ __all__ = [
     "IkTrace",
     "JointRange",
     "Kind",
+    "LinkGeometry",
     "Manipulability",
     "MaxSpeed",
     "NotSphericalWristError",

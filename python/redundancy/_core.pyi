@@ -669,9 +669,9 @@ class LinkGeometry:
     def from_urdf(chain: Chain, path: str | PathLike[str]) -> LinkGeometry:
         """The primitive collision geometry of a URDF file, each body as the capsule around it.
 
-        Spheres and capsules are exact; a cylinder gets half a ball on each end, a box the least capsule along its longest
-        edge that holds it: never too small, so what is clear is clear. Links that are fixed to a link of the chain
-        belong to it; what does not move with the chain is left out.
+        Spheres and capsules are exact; a cylinder gets half a ball on each end, a box the least capsule along its
+        longest edge that holds it: never too small, so what is clear is clear. Links that are fixed to a link of the
+        chain belong to it; what does not move with the chain is left out.
 
         Raises:
             RedundancyError: A file that is no URDF, none of its links in the chain, no collision geometry on the moving

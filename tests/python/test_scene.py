@@ -240,7 +240,7 @@ def test_collision_geometry_that_cannot_be_read() -> None:
     chain = rd.Chain.from_urdf_string(xml, base="base")
     for old, new, message in (
         (BODIES["sphere"], '<mesh filename="x.stl"/>', "link 'l1': collision: mesh: meshes are not read"),
-        (BODIES["sphere"], '<sphere radius="-1"/>', "radius is -1, expected > 0 m"),
+        (BODIES["sphere"], '<sphere radius="-1"/>', "radius is -1, it must be > 0 m"),
         (BODIES["sphere"], '<sphere radius="x"/>', "'x' is not a number"),
         (BODIES["sphere"], "<torus/>", "unknown geometry 'torus'"),
         (BODIES["sphere"], "", "<geometry> is empty"),
