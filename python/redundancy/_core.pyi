@@ -2980,7 +2980,8 @@ def algorithmic_singularities(
         criterion: What is small or large.
         task: Which coordinates are held; default the pose.
         seed: Of the random starts.
-        starts: Number of random starts; default 2000.
+        starts: Most random starts; default 2000. Isolated points count as complete when three in four starts, and at
+            least 256, have found nothing new.
         threads: Number of threads; None: all cores. The result does not depend on it.
 
     Raises:
@@ -2991,6 +2992,67 @@ def algorithmic_singularities(
         >>> arm = rd.catalog.load("planar3r")
         >>> len(rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar"))
         10
+    """
+
+@final
+class SingularityCurve:
+    """Configurations at which critical points vanish, in order. Pickles; `len()` is the number of rows."""
+
+    def __new__(cls, q: NDArray[np.float64], closed: bool, first_joint_free: bool) -> SingularityCurve: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`: joints run on beyond half a turn where whole turns make no difference to the criterion.
+
+        The first joint is zero where it is free. The last row of a closed curve is the first one, up to whole turns.
+        """
+
+    @property
+    def closed(self) -> bool:
+        """Whether it ends where it began.
+
+        An open curve ends where the arm is singular, where it crosses another one, or, for criteria of joint values,
+        where a joint changes its winding.
+        """
+
+    @property
+    def first_joint_free(self) -> bool:
+        """Whether every value of the first joint gives such a curve."""
+
+    def __len__(self) -> int: ...
+
+def singularity_curves(
+    chain: Chain,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    step: float = 0.05,
+    seed: int = 0,
+    starts: int | None = None,
+    threads: int | None = None,
+) -> list[SingularityCurve]:
+    """The curves on which critical points of `criterion` vanish, longest first.
+
+    They are curves where `mu = 0`, `det W = 0` leave one freedom. The points of `algorithmic_singularities` are
+    followed in both directions; curves without one of them are missed.
+
+    Args:
+        chain: The arm.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        step: Largest step between rows, rad or m.
+        seed: Of the random starts.
+        starts: Number of random starts; default 2000.
+        threads: Number of threads; None: all cores. The result does not depend on it.
+
+    Raises:
+        RedundancyError: a set of singularities of another dimension than one, settings out of range.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> posture = rd.Posture(arm, [0.3, 0.5, 0.7])
+        >>> len(rd.singularity_curves(arm, posture, task="planar", starts=300))
+        8
     """
 
 def singularity_distance(chain: Chain, q: ArrayLike, points: list[SingularPoint]) -> Any:

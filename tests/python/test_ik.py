@@ -149,7 +149,8 @@ def test_bad_input_of_the_wrist_arm(call, text: str) -> None:
 )
 def test_every_reachable_pose_is_met_within_limits(name: str) -> None:
     chain = load(name)
-    poses = chain.forward(random_q(chain, 1_000 if FULL else 100, 7))
+    many = 10_000 if name in ("iiwa14", "panda hand") else 1_000
+    poses = chain.forward(random_q(chain, many if FULL else 100, 7))
     for closed_form in (False, True):
         ik = rd.IkSolver(chain, closed_form=closed_form)
         batch = ik.solve_batch(poses)

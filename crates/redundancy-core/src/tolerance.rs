@@ -349,8 +349,13 @@ pub const SRS_EXACT: f64 = 1e-9;
 pub const CRITICAL_SLOPE: f64 = 2e-6;
 
 /// Curvature of a criterion along the self-motion, relative to the terms it is the sum of, up to which a critical point
-/// counts as degenerate: next to a fold that is a distance of this order (rad), the precision of printed angles.
+/// can count as degenerate: next to a fold that is a distance of this order (rad), the precision of printed angles. It does
+/// where its slope leaves that open.
 pub const DEGENERATE_CURVATURE: f64 = 1e-5;
+
+/// The same for a critical point without any slope: thousands of roundings, and what the search for algorithmic
+/// singularities leaves.
+pub const DEGENERATE_ROUNDING: f64 = 1e-9;
 
 /// Newton step (rad or m) at which a critical point is as exact as doubles allow.
 pub const NEWTON_DONE: f64 = 1e-13;

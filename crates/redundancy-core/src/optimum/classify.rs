@@ -12,7 +12,7 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, Stationarity};
 use crate::error::{Error, Result};
 use crate::kinematics::{Scratch, Task};
-use crate::tolerance::{CRITICAL_SLOPE, DEGENERATE_CURVATURE, KINEMATIC_SINGULARITY};
+use crate::tolerance::{CRITICAL_SLOPE, DEGENERATE_CURVATURE, DEGENERATE_ROUNDING, KINEMATIC_SINGULARITY};
 
 /// What a configuration is to a criterion. Its words are the same in Rust, Python and files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -151,7 +151,11 @@ impl<'a> Classifier<'a> {
         if self.residual > CRITICAL_SLOPE * (slope + at.scale()) {
             return Kind::NotCritical;
         }
-        Kind::of_eigenvalues(&self.eigenvalues, DEGENERATE_CURVATURE * at.scale())
+        // With the slope mu and the curvature W, Newton's method is sure to find a critical point of the same kind nearby
+        // if 2 |mu dW/ds| < W^2 (Kantorovich); dW/ds is of the size of the terms of L.
+        let open = (2.0 * self.residual * at.scale()).sqrt();
+        let tolerance = open.min(DEGENERATE_CURVATURE * at.scale()).max(DEGENERATE_ROUNDING * at.scale());
+        Kind::of_eigenvalues(&self.eigenvalues, tolerance)
     }
 
     /// Eigenvalues of W at the last configuration, ascending.
