@@ -1,7 +1,7 @@
 """One control step: joint velocities for a tool velocity, beside pinocchio with numpy, pink with daqp, and placo.
 
 Random configurations of iiwa14 and dexter with sigma_min > 0.1, a slow tool velocity, dt 10 ms. Every job gets q and
-the wanted velocity and gives joint velocities. Ours and the numpy row pull towards mid-range with the projected gradient;
+the wanted velocity and gives joint velocities. Ours and the numpy row pull to mid-range with the projected gradient;
 pink and placo solve a quadratic program with position and velocity limits and a weak pull to a posture, so the row to
 compare them with is `saturated_nullspace`, which holds the limits too. The error is |J qd - v|. placo wants an older
 pinocchio than the tests do: it is no part of the bench extra and is measured where it is installed.
@@ -136,7 +136,9 @@ def main() -> None:
             errors = [np.linalg.norm(chain.jacobian(q[i]) @ jobs[job](i) - VELOCITY) for i in range(40)]
             like = "saturated_nullspace" if job in held else "projected_gradient"
             ratio = "" if job in ours(chain, q) else f"{time / seconds[like]:.0f}"
-            lines.append((name, job, time_text(time), ratio, f"{np.median(errors):.0e}", held.get(job, "none")))
+            lines.append(
+                (name, job, time_text(time), ratio, f"{np.median(errors):.0e}", held.get(job, "none"))
+            )
     print(table(HEAD, lines))
     print(machine())
 

@@ -91,10 +91,10 @@ impl Chain {
             let mut known = HashSet::new();
             for link in 0..tree.links.len() {
                 let Some((on, at)) = self.carrier(tree, link, version)? else { continue };
-                known.insert(on);
                 if self.links()[on].joints_before == 0 {
                     continue;
                 }
+                known.insert(on);
                 let (name, node) = tree.links[link];
                 for collision in elements(node, "collision") {
                     let what = format!("link '{name}': collision");
@@ -103,9 +103,10 @@ impl Chain {
                 }
             }
             if known.is_empty() {
-                let names: Vec<&str> = self.links().iter().map(|link| link.name.as_str()).collect();
+                let moving = self.links().iter().filter(|link| link.joints_before > 0);
+                let names: Vec<&str> = moving.map(|link| link.name.as_str()).collect();
                 return Err(bad(format!(
-                    "no link of '{}' is in the URDF: {}",
+                    "no moving link of '{}' is in the URDF: {}",
                     self.name(),
                     names.join(", ")
                 )));

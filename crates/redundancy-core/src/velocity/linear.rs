@@ -1,7 +1,7 @@
 //! Small dense algebra of a control step: sizes of a task (2 to 6) by a number of joints, on the stack or in memory of
 //! the caller. nalgebra's decompositions of matrices with a size known at run time allocate; these do not.
 
-/// A loop over the indices below `$m` (at most 6), written out, so that each index is a constant: the compiler keeps the
+/// A loop over the indices below `$m` (at most 6), written out, so that each index is known to the compiler: it keeps the
 /// small matrices in registers, which it does not for loops whose bounds depend on an outer index (three times faster).
 macro_rules! unrolled {
     ($i:ident < $m:ident $body:block) => {
@@ -9,7 +9,7 @@ macro_rules! unrolled {
     };
     (@ $i:ident $m:ident $body:block $($value:literal)*) => {{
         $({
-            const $i: usize = $value;
+            let $i = $value;
             if $i < $m $body
         })*
     }};
@@ -56,11 +56,11 @@ pub(super) fn gram<const M: usize>(columns: &[[f64; M]]) -> [[f64; M]; M] {
 /// Adds `factor c c^T` to a lower triangle.
 #[inline(always)]
 pub(super) fn add_square<const M: usize>(a: &mut [[f64; M]; M], c: &[f64; M], factor: f64) {
-    unrolled!(I < M {
-        let scaled = factor * c[I];
-        unrolled!(K < M {
-            if K <= I {
-                a[I][K] += scaled * c[K];
+    unrolled!(i < M {
+        let scaled = factor * c[i];
+        unrolled!(k < M {
+            if k <= i {
+                a[i][k] += scaled * c[k];
             }
         });
     });
@@ -76,25 +76,26 @@ pub(super) struct InverseFactors<const M: usize> {
 }
 
 impl<const M: usize> InverseFactors<M> {
-    /// Of the lower triangle of `a`; `None` where a pivot is not positive.
+    /// Of the lower triangle of A; `None` where a pivot is not positive.
     #[inline(always)]
-    pub fn new(mut a: [[f64; M]; M]) -> Option<Self> {
+    pub fn new(mut gram: [[f64; M]; M]) -> Option<Self> {
+        let a = &mut gram;
         let mut w = [[0.0; M]; M];
         let mut d = [0.0; M];
         let mut positive = true;
-        unrolled!(J < M {
-            let pivot = a[J][J];
+        unrolled!(j < M {
+            let pivot = a[j][j];
             positive &= pivot > 0.0 && pivot < f64::INFINITY;
-            d[J] = 1.0 / pivot;
-            w[J][J] = 1.0;
-            unrolled!(I < M {
-                if I > J {
-                    let factor = a[I][J] * d[J];
-                    unrolled!(K < M {
-                        if K <= J {
-                            w[I][K] -= factor * w[J][K];
-                        } else if K <= I {
-                            a[I][K] -= factor * a[K][J];
+            d[j] = 1.0 / pivot;
+            w[j][j] = 1.0;
+            unrolled!(i < M {
+                if i > j {
+                    let factor = a[i][j] * d[j];
+                    unrolled!(k < M {
+                        if k <= j {
+                            w[i][k] -= factor * w[j][k];
+                        } else if k <= i {
+                            a[i][k] -= factor * a[k][j];
                         }
                     });
                 }
@@ -107,19 +108,19 @@ impl<const M: usize> InverseFactors<M> {
     #[inline(always)]
     pub fn solve(&self, b: &[f64; M]) -> [f64; M] {
         let mut scaled = *b;
-        unrolled!(I < M {
-            unrolled!(K < M {
-                if K < I {
-                    scaled[I] += self.w[I][K] * b[K];
+        unrolled!(i < M {
+            unrolled!(k < M {
+                if k < i {
+                    scaled[i] += self.w[i][k] * b[k];
                 }
             });
-            scaled[I] *= self.d[I];
+            scaled[i] *= self.d[i];
         });
         let mut out = scaled;
-        unrolled!(I < M {
-            unrolled!(K < M {
-                if K < I {
-                    out[K] += self.w[I][K] * scaled[I];
+        unrolled!(i < M {
+            unrolled!(k < M {
+                if k < i {
+                    out[k] += self.w[i][k] * scaled[i];
                 }
             });
         });
@@ -131,14 +132,14 @@ impl<const M: usize> InverseFactors<M> {
     #[inline(always)]
     pub fn trace(&self) -> f64 {
         let mut sum = 0.0;
-        unrolled!(I < M {
+        unrolled!(i < M {
             let mut square = 1.0;
-            unrolled!(K < M {
-                if K < I {
-                    square += self.w[I][K] * self.w[I][K];
+            unrolled!(k < M {
+                if k < i {
+                    square += self.w[i][k] * self.w[i][k];
                 }
             });
-            sum += square * self.d[I];
+            sum += square * self.d[i];
         });
         sum
     }
