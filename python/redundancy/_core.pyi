@@ -622,7 +622,12 @@ class Scene:
     def at(self, t: float) -> Scene:
         """The scene at time `t` (s): moving obstacles are elsewhere."""
     def clearance(
-        self, chain: Chain, q: ArrayLike, link_radius: float = 0.05, *, threads: int | None = None
+        self,
+        chain: Chain,
+        q: ArrayLike,
+        link_radius: float | LinkGeometry | None = ...,
+        *,
+        threads: int | None = None,
     ) -> ClearanceResult:
         """The nearest pair of a link and an obstacle.
 
@@ -631,12 +636,69 @@ class Scene:
         Args:
             chain: The arm.
             q: `(n,)` or `(N, n)`.
-            link_radius: Of the capsules, m.
+            link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
             threads: Threads for a batch; all cores when left out.
         """
     def __len__(self) -> int: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class LinkGeometry:
+    """The arm as rounded segments that move with it: what of it can touch an obstacle.
+
+    Capsules of one radius from joint to joint and from the last joint to the tool, or the primitive collision geometry
+    of a URDF, with more capsules (a tool, a hose, a camera) where wanted. It goes where a `link_radius` goes in
+    `Scene.clearance` and `Clearance`.
+
+    Args:
+        chain: The arm.
+        radius: Of the capsules, m, >= 0.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("pa10")
+        >>> gripper = rd.LinkGeometry(arm, 0.05).with_capsule("link7", [0, 0, 0], [0, 0, 0.2], 0.04)
+        >>> scene = rd.Scene([rd.Sphere([0.0, 0.3, 0.765], 0.1)])
+        >>> round(scene.clearance(arm, [0.0] * 7, gripper).distance, 12)
+        0.15
+    """
+
+    def __new__(cls, chain: Chain, radius: float = 0.05) -> Self: ...
+    @staticmethod
+    def from_urdf(chain: Chain, path: str | PathLike[str]) -> LinkGeometry:
+        """The primitive collision geometry of a URDF file, each body as the capsule around it.
+
+        Spheres and capsules are exact; a cylinder gets half a ball on each end, a box the least capsule along its
+        longest edge that holds it: never too small, so what is clear is clear. Links that are fixed to a link of the
+        chain belong to it; what does not move with the chain is left out.
+
+        Raises:
+            RedundancyError: A file that is no URDF, none of its links in the chain, no collision geometry on the moving
+                links, a mesh or an unknown shape, a size that is not positive; the message names the link.
+        """
+    @staticmethod
+    def from_urdf_string(chain: Chain, xml: str) -> LinkGeometry:
+        """The same from the text of a URDF; see `from_urdf`."""
+    def with_capsule(self, link: str, start: ArrayLike, end: ArrayLike, radius: float) -> LinkGeometry:
+        """With one more capsule.
+
+        Args:
+            link: Name of a moving link.
+            start: `(3,)` one end in the frame of that link, m.
+            end: `(3,)` the other end, m.
+            radius: m, >= 0.
+        """
+    @property
+    def capsules(self) -> list[tuple[str, float]]:
+        """Name of the link and radius (m) of each segment."""
+    def __len__(self) -> int: ...
+    @staticmethod
+    def _from_parts(
+        chain: Chain,
+        radius: float | None,
+        added: list[tuple[str, tuple[float, float, float], tuple[float, float, float], float]],
+    ) -> LinkGeometry: ...
 
 @final
 class ClearanceResult:
@@ -1004,12 +1066,17 @@ class Clearance(Criterion):
     Args:
         chain: The arm.
         scene: The obstacles.
-        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool.
+        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool; or a `LinkGeometry`.
         smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
     """
 
     def __new__(
-        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = ...
+        cls,
+        chain: Chain,
+        scene: Scene,
+        link_radius: float | LinkGeometry | None = ...,
+        *,
+        smoothing: float = ...,
     ) -> Self: ...
 
 @final

@@ -57,7 +57,7 @@ mod _core {
         quaternion_to_xyz, quaternion_to_zyz,
     };
     #[pymodule_export]
-    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
+    use scene::{PyBox, PyCapsule, PyClearance, PyLinkGeometry, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]
