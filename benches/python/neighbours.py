@@ -69,6 +69,30 @@ def axes_and_points(chain: rd.Chain) -> tuple[Array, Array, Array]:
     return directions.round(14), points.round(14), tool.round(14)
 
 
+def urdf(chain: rd.Chain) -> str:
+    """The same arm as a URDF: frames parallel to the world at the zero position, the tool as a fixed frame `tool`."""
+    directions, points, tool = axes_and_points(chain)
+    links = "".join(f'<link name="link{k}"/>' for k in range(chain.dof + 1))
+    joints = []
+    before, speed = np.zeros(3), np.minimum(chain.velocity_limit, 1e3)
+    for k in range(chain.dof):
+        xyz, axis = points[k] - before, directions[k]
+        before = points[k]
+        joints.append(
+            f'<joint name="joint{k + 1}" type="revolute"><parent link="link{k}"/><child link="link{k + 1}"/>'
+            f'<origin xyz="{xyz[0]} {xyz[1]} {xyz[2]}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
+            f'<limit lower="{chain.lower[k]}" upper="{chain.upper[k]}" velocity="{speed[k]}" effort="1e3"/></joint>'
+        )
+    pitch = np.arctan2(-tool[2, 0], np.hypot(tool[0, 0], tool[1, 0]))
+    roll, yaw = np.arctan2(tool[2, 1], tool[2, 2]), np.arctan2(tool[1, 0], tool[0, 0])
+    xyz = tool[:3, 3] - before
+    end = (
+        f'<link name="tool"/><joint name="end" type="fixed"><parent link="link{chain.dof}"/><child link="tool"/>'
+        f'<origin xyz="{xyz[0]} {xyz[1]} {xyz[2]}" rpy="{roll} {pitch} {yaw}"/></joint>'
+    )
+    return f'<robot name="arm">{links}{"".join(joints)}{end}</robot>'
+
+
 def closure(chain: rd.Chain, q: Array, poses: Array) -> float:
     """Largest entry of FK(q) - pose, by this library's FK (which agrees with pinocchio to 1e-12)."""
     return float(np.abs(chain.forward(q) - poses).max()) if len(q) else 0.0

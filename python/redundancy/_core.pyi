@@ -626,7 +626,12 @@ class Scene:
     def at(self, t: float) -> Scene:
         """The scene at time `t` (s): moving obstacles are elsewhere."""
     def clearance(
-        self, chain: Chain, q: ArrayLike, link_radius: float = 0.05, *, threads: int | None = None
+        self,
+        chain: Chain,
+        q: ArrayLike,
+        link_radius: float | LinkGeometry | None = ...,
+        *,
+        threads: int | None = None,
     ) -> ClearanceResult:
         """The nearest pair of a link and an obstacle.
 
@@ -635,12 +640,69 @@ class Scene:
         Args:
             chain: The arm.
             q: `(n,)` or `(N, n)`.
-            link_radius: Of the capsules, m.
+            link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
             threads: Threads for a batch; all cores when left out.
         """
     def __len__(self) -> int: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class LinkGeometry:
+    """The arm as rounded segments that move with it: what of it can touch an obstacle.
+
+    Capsules of one radius from joint to joint and from the last joint to the tool, or the primitive collision geometry
+    of a URDF, with more capsules (a tool, a hose, a camera) where wanted. It goes where a `link_radius` goes in
+    `Scene.clearance` and `Clearance`.
+
+    Args:
+        chain: The arm.
+        radius: Of the capsules, m, >= 0.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("pa10")
+        >>> gripper = rd.LinkGeometry(arm, 0.05).with_capsule("link7", [0, 0, 0], [0, 0, 0.2], 0.04)
+        >>> scene = rd.Scene([rd.Sphere([0.0, 0.3, 0.765], 0.1)])
+        >>> round(scene.clearance(arm, [0.0] * 7, gripper).distance, 12)
+        0.15
+    """
+
+    def __new__(cls, chain: Chain, radius: float = 0.05) -> Self: ...
+    @staticmethod
+    def from_urdf(chain: Chain, path: str | PathLike[str]) -> LinkGeometry:
+        """The primitive collision geometry of a URDF file, each body as the capsule around it.
+
+        Spheres and capsules are exact; a cylinder gets half a ball on each end, a box the least capsule along its
+        longest edge that holds it: never too small, so what is clear is clear. Links that are fixed to a link of the
+        chain belong to it; what does not move with the chain is left out.
+
+        Raises:
+            RedundancyError: A file that is no URDF, none of its links in the chain, no collision geometry on the moving
+                links, a mesh or an unknown shape, a size that is not positive; the message names the link.
+        """
+    @staticmethod
+    def from_urdf_string(chain: Chain, xml: str) -> LinkGeometry:
+        """The same from the text of a URDF; see `from_urdf`."""
+    def with_capsule(self, link: str, start: ArrayLike, end: ArrayLike, radius: float) -> LinkGeometry:
+        """With one more capsule.
+
+        Args:
+            link: Name of a moving link.
+            start: `(3,)` one end in the frame of that link, m.
+            end: `(3,)` the other end, m.
+            radius: m, >= 0.
+        """
+    @property
+    def capsules(self) -> list[tuple[str, float]]:
+        """Name of the link and radius (m) of each segment."""
+    def __len__(self) -> int: ...
+    @staticmethod
+    def _from_parts(
+        chain: Chain,
+        radius: float | None,
+        added: list[tuple[str, tuple[float, float, float], tuple[float, float, float], float]],
+    ) -> LinkGeometry: ...
 
 @final
 class ClearanceResult:
@@ -1008,12 +1070,17 @@ class Clearance(Criterion):
     Args:
         chain: The arm.
         scene: The obstacles.
-        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool.
+        link_radius: Links are capsules of this radius (m) from joint to joint and to the tool; or a `LinkGeometry`.
         smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
     """
 
     def __new__(
-        cls, chain: Chain, scene: Scene, link_radius: float = 0.05, *, smoothing: float = ...
+        cls,
+        chain: Chain,
+        scene: Scene,
+        link_radius: float | LinkGeometry | None = ...,
+        *,
+        smoothing: float = ...,
     ) -> Self: ...
 
 @final
@@ -1324,7 +1391,8 @@ class IkSolver:
         """A configuration over a pose.
 
         Args:
-            pose: `(4, 4)` or SE3-like; `(2,)` for `planar`, `(3,)` for `position` and `planar_pose` (x, y, angle).
+            pose: `(4, 4)` or SE3-like; `(2,)` or `(3,)` for `planar`, `(3,)` for `position`, `(x, y, angle)` for
+                `planar_pose`.
             q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
             seed: Decides the random starts, if it comes to those. The same seed, the same bits.
 
@@ -2949,7 +3017,8 @@ def algorithmic_singularities(
         criterion: What is small or large.
         task: Which coordinates are held; default the pose.
         seed: Of the random starts.
-        starts: Number of random starts; default 2000.
+        starts: Most random starts; default 2000. Isolated points count as complete when three in four starts, and at
+            least 256, have found nothing new.
         threads: Number of threads; None: all cores. The result does not depend on it.
 
     Raises:
@@ -2960,6 +3029,67 @@ def algorithmic_singularities(
         >>> arm = rd.catalog.load("planar3r")
         >>> len(rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar"))
         10
+    """
+
+@final
+class SingularityCurve:
+    """Configurations at which critical points vanish, in order. Pickles; `len()` is the number of rows."""
+
+    def __new__(cls, q: NDArray[np.float64], closed: bool, first_joint_free: bool) -> SingularityCurve: ...
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """`(N, n)`: joints run on beyond half a turn where whole turns make no difference to the criterion.
+
+        The first joint is zero where it is free. The last row of a closed curve is the first one, up to whole turns.
+        """
+
+    @property
+    def closed(self) -> bool:
+        """Whether it ends where it began.
+
+        An open curve ends where the arm is singular, where it crosses another one, or, for criteria of joint values,
+        where a joint changes its winding.
+        """
+
+    @property
+    def first_joint_free(self) -> bool:
+        """Whether every value of the first joint gives such a curve."""
+
+    def __len__(self) -> int: ...
+
+def singularity_curves(
+    chain: Chain,
+    criterion: Criterion,
+    task: str | Task | None = None,
+    *,
+    step: float = 0.05,
+    seed: int = 0,
+    starts: int | None = None,
+    threads: int | None = None,
+) -> list[SingularityCurve]:
+    """The curves on which critical points of `criterion` vanish, longest first.
+
+    They are curves where `mu = 0`, `det W = 0` leave one freedom. The points of `algorithmic_singularities` are
+    followed in both directions; curves without one of them are missed.
+
+    Args:
+        chain: The arm.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+        step: Largest step between rows, rad or m.
+        seed: Of the random starts.
+        starts: Number of random starts; default 2000.
+        threads: Number of threads; None: all cores. The result does not depend on it.
+
+    Raises:
+        RedundancyError: a set of singularities of another dimension than one, settings out of range.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> posture = rd.Posture(arm, [0.3, 0.5, 0.7])
+        >>> len(rd.singularity_curves(arm, posture, task="planar", starts=300))
+        8
     """
 
 def singularity_distance(chain: Chain, q: ArrayLike, points: list[SingularPoint]) -> Any:

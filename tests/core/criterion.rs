@@ -156,6 +156,14 @@ fn manipulability_in_a_control_step() {
                 assert_eq!(allocations::count(|| sum.gradient_at(&q, &kinematics, &mut out)), 0);
                 let expected = gradient(&*h, &q) * 3.0;
                 assert!((DVector::from_column_slice(&out) - &expected).amax() <= 1e-15 * expected.amax());
+                let (mut first, mut second) = (vec![0.0; n], DMatrix::zeros(n, n));
+                let count =
+                    allocations::count(|| h.second_order_at(&q, &kinematics, &mut first, &mut second));
+                assert_eq!(count, 0);
+                assert_eq!((DVector::from_vec(first), second), (gradient(&*h, &q), hessian(&*h, &q)));
+                let (mut first, mut second) = (vec![0.0; n], DMatrix::zeros(n, n));
+                sum.second_order_at(&q, &kinematics, &mut first, &mut second);
+                assert_eq!((DVector::from_vec(first), second), (gradient(&sum, &q), hessian(&sum, &q)));
             }
         }
     }

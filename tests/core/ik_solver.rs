@@ -121,6 +121,9 @@ fn the_closed_forms_are_used_and_exact() {
     );
 }
 
+/// Radians that a metre counts where a pose is out of reach.
+const SCALE: f64 = 1.0 / 0.3;
+
 #[test]
 fn poses_out_of_reach_say_so_with_the_nearest_distance() {
     let mut rng = rng(12);
@@ -134,9 +137,12 @@ fn poses_out_of_reach_say_so_with_the_nearest_distance() {
                 (Vector3::zeros(), (0.4318 + fore).hypot(0.15005), 0.0)
             }
         };
+        // Without limits the pose with the wrist on the boundary and the same orientation is reached.
+        let free = chain.with_limits(&vec![Limits::NONE; chain.dof()]).unwrap();
+        let free = IkSolver::new(&free, numeric()).unwrap();
         for closed_form in [false, true] {
             let solver = IkSolver::new(&chain, IkSettings { closed_form, ..IkSettings::default() }).unwrap();
-            for _ in 0..amount(5, 50) {
+            for _ in 0..amount(5, 200) {
                 // A wrist centre just outside, and the tool along the arm or away from it.
                 let excess = 10.0_f64.powf(rng.random_range(-5.0..-1.0));
                 let direction = loop {
@@ -161,6 +167,10 @@ fn poses_out_of_reach_say_so_with_the_nearest_distance() {
                 }
                 // And the best of all starts is not much further.
                 assert!(result.position_error <= 20.0 * excess + 0.3, "{result:?} {excess}");
+                let result = free.solve(&target, None, 0).unwrap();
+                assert_eq!(result.status, Status::Unreachable, "{name} {result:?}");
+                let weighted = (SCALE * result.position_error).hypot(result.orientation_error);
+                assert!(weighted <= SCALE * excess * (1.0 + 1e-3), "{weighted} {excess} {result:?}");
             }
         }
     }

@@ -3,18 +3,19 @@
 use rand::Rng;
 use redundancy_core::Pose;
 use redundancy_core::chain::{Chain, catalog};
-use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Posture, Stationarity};
+use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Measure, Posture, Stationarity};
 use redundancy_core::kinematics::{NullSpace, Scratch, Task};
 use redundancy_core::nalgebra::{DMatrix, DVector, Rotation3, Translation3, Vector3};
 use redundancy_core::optimum::{
-    Classifier, CriticalPoint, FollowSettings, FollowedOptimum, Kind, OptimaSettings, SingularitySettings,
-    algorithmic_singularities, classify, cofactor_condition, constrained_optima, follow_optimum, rank_starts,
+    Classifier, CriticalPoint, FollowSettings, FollowedOptimum, Kind, OptimaSettings, SingularitySearch,
+    SingularitySettings, algorithmic_singularities, classify, cofactor_condition, constrained_optima,
+    follow_optimum, rank_starts, singularity_curves,
 };
 use redundancy_core::path::{Circle, EventKind, Path};
 use redundancy_core::self_motion::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
 
 use crate::allocations;
-use crate::support::{amount, random_q, rng};
+use crate::support::{amount, difference, random_q, rng};
 
 fn planar() -> (Chain, Manipulability) {
     let arm = catalog::load("planar3r").unwrap();
@@ -475,8 +476,8 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                             if let [one] = inside[..] {
                                 let wanted = if left.1 > 0.0 { Kind::Maximum } else { Kind::Minimum };
                                 let kind = points[one].classification.kind;
-                                assert!(kind == wanted || kind == Kind::Degenerate, "{kind} {wanted}");
-                                kinds += usize::from(kind == wanted);
+                                assert_eq!(kind, wanted, "{:?}", points[one]);
+                                kinds += 1;
                             }
                         }
                         left = right;
@@ -486,7 +487,7 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
             }
         }
     }
-    assert!(cells > 50 && kinds * 100 >= cells * 99, "{cells} {kinds}");
+    assert!(cells > 50 && kinds * 1000 >= cells * 997, "{cells} {kinds}"); // the others share a cell
 }
 
 #[test]
@@ -580,6 +581,114 @@ fn traced_curves_are_the_circles_of_the_closed_form() {
     }
 }
 
+/// What is exact to rounding is told apart where printed digits are not.
+#[test]
+fn printed_digits_are_degenerate_next_to_a_fold_and_polished_points_are_not() {
+    let (arm, h) = planar();
+    let settings = SingularitySettings::default();
+    for at in algorithmic_singularities(&arm, &h, Task::PLANAR, &settings).unwrap() {
+        let kind = |q: &[f64]| classify(&arm, q, &h, Task::PLANAR).unwrap().kind;
+        let printed: Vec<f64> =
+            at.q.iter().map(|q| ((q.to_degrees() * 1e4).round() * 1e-4).to_radians()).collect();
+        assert_eq!((kind(&at.q), kind(&printed)), (Kind::Degenerate, Kind::Degenerate));
+        // Two critical points meet here: next to it, both are found and are what they are.
+        let pose = arm.forward(&at.q).unwrap();
+        let there = pose.translation.vector;
+        if there.norm() < 0.1 {
+            continue; // the base: the circle about it is a point
+        }
+        let mut found = 0;
+        for along in [1e-9, -1e-9] {
+            let near = Pose::from_parts(Translation3::from(there * (1.0 + along)), pose.rotation);
+            let points =
+                constrained_optima(&arm, &near, &h, Task::PLANAR, &OptimaSettings::default()).unwrap();
+            let pair: Vec<Kind> = points
+                .iter()
+                .filter(|p| p.q.iter().zip(&at.q).skip(1).all(|(a, b)| (a - b).abs() < 1e-3))
+                .map(|p| p.classification.kind)
+                .collect();
+            if !pair.is_empty() {
+                assert_eq!(pair.len(), 2, "{pair:?}");
+                assert!(pair.contains(&Kind::Maximum) && pair.contains(&Kind::Minimum), "{pair:?}");
+                found += 1;
+            }
+        }
+        assert_eq!(found, 1);
+    }
+}
+
+/// Depends on the first joint (posture) and not (manipulability of four joints, in whose last joint nothing changes).
+#[test]
+fn singularity_curves_hold_the_equations_and_none_is_missed() {
+    let (three, four) = (catalog::load("planar3r").unwrap(), catalog::load("planar4r").unwrap());
+    let posture = Posture::new(&[0.3, 0.5, 0.7]).unwrap();
+    let manipulability = Manipulability::new(&four, Task::PLANAR_POSE);
+    let cases: [(&Chain, &dyn Criterion, Task, bool, usize); 2] =
+        [(&three, &posture, Task::PLANAR, false, 8), (&four, &manipulability, Task::PLANAR_POSE, true, 10)];
+    for (arm, h, task, free, count) in cases {
+        let n = arm.dof();
+        let settings = SingularitySettings { starts: amount(300, 2_000), ..SingularitySettings::default() };
+        let curves = singularity_curves(arm, h, task, &settings, 0.05).unwrap();
+        assert_eq!(curves.len(), count);
+        let mut classifier = Classifier::new(arm, h, task).unwrap();
+        for curve in &curves {
+            assert_eq!((curve.first_joint_free, curve.closed), (free, free));
+            let rows: Vec<&[f64]> = curve.q.chunks_exact(n).collect();
+            assert!(rows.len() > 20);
+            for pair in rows.windows(2) {
+                assert!(pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() < 0.06);
+                assert_eq!(classifier.classify(pair[0]).unwrap(), Kind::Degenerate);
+                // Dense: mu and the least eigenvalue vanish to rounding.
+                let scale = classifier.stationarity().scale();
+                assert!(classifier.residual() < 1e-10 * scale);
+                assert!(classifier.eigenvalues()[0].abs() < 1e-9 * scale);
+            }
+            let (first, last) = (rows[0], rows[rows.len() - 1]);
+            if curve.closed {
+                assert!(difference(first, last) < 1e-6);
+            } else {
+                // Only the windings end them here.
+                for end in [first, last] {
+                    assert!(end.iter().any(|q| q.abs() > std::f64::consts::PI - 0.06), "{end:?}");
+                }
+            }
+        }
+        // Points that another search finds lie on them.
+        let other = SingularitySettings { seed: 7, starts: 100 };
+        for point in algorithmic_singularities(arm, h, task, &other).unwrap() {
+            let rows = curves.iter().flat_map(|curve| curve.q.chunks_exact(n));
+            let nearest = rows.map(|row| difference(row, &point.q)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.05, "{point:?} {nearest}");
+        }
+    }
+    // Points are no curves.
+    let (arm, h) = planar();
+    let text = singularity_curves(&arm, &h, Task::PLANAR, &SingularitySettings::default(), 0.05)
+        .unwrap_err()
+        .to_string();
+    assert!(text.contains("0 dimensions"), "{text}");
+    let text = singularity_curves(&three, &posture, Task::PLANAR, &SingularitySettings::default(), 0.0)
+        .unwrap_err()
+        .to_string();
+    assert!(text.contains("step is 0, it must be from 1e-4 to 0.5"), "{text}");
+}
+
+#[test]
+fn a_search_in_pieces_finds_the_same() {
+    let (arm, h) = planar();
+    let settings = SingularitySettings::default();
+    let whole = algorithmic_singularities(&arm, &h, Task::PLANAR, &settings).unwrap();
+    let mut search = SingularitySearch::new(&arm, &h, Task::PLANAR, &settings).unwrap();
+    let mut rounds = 0;
+    while search.starts() > 0 {
+        search.run(1 + rounds % 3 * 64);
+        rounds += 1;
+    }
+    assert_eq!(search.finish(), whole);
+    // Isolated points: it stops when most starts find nothing new.
+    assert!(rounds < 25, "{rounds}");
+}
+
 #[test]
 fn classifying_allocates_nothing() {
     let arm = catalog::load("iiwa14").unwrap();
@@ -589,4 +698,11 @@ fn classifying_allocates_nothing() {
     assert_eq!(allocations::count(|| classifier.classify(&q).unwrap()), 0);
     let mut classifier = Classifier::new(&arm, &h, Task::POSITION).unwrap();
     assert_eq!(allocations::count(|| classifier.classify(&q).unwrap()), 0);
+    for task in [Task::POSE, Task::POSITION, Task::POSE_RPY] {
+        for measure in Measure::ALL {
+            let h = Manipulability::with_measure(&arm, task, measure);
+            let mut classifier = Classifier::new(&arm, &h, task).unwrap();
+            assert_eq!(allocations::count(|| classifier.classify(&q).unwrap()), 0, "{task}");
+        }
+    }
 }

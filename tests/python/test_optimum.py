@@ -1,6 +1,10 @@
 """Kinds of optima, critical points over a pose, and where they break [Park1996]."""
 
+import _thread
 import pickle
+import threading
+import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -230,3 +234,52 @@ def test_a_patch_of_two_freedoms() -> None:
     np.testing.assert_allclose(tips - arm.forward(q0)[:2, 3], 0, atol=1e-11)
     with pytest.raises(rd.RedundancyError, match="dimensions"):
         rd.trace_self_motion(arm, q0, task="planar")
+
+
+def test_singularity_curves() -> None:
+    arm = rd.catalog.load("planar3r")
+    posture = rd.Posture(arm, [0.3, 0.5, 0.7])
+    curves = rd.singularity_curves(arm, posture, task="planar", starts=300)
+    assert len(curves) == 8 and [len(c) for c in curves] == sorted((len(c) for c in curves), reverse=True)
+    for curve in curves:
+        assert curve.q.shape == (len(curve), 3) and not curve.closed and not curve.first_joint_free
+        assert {str(at.kind) for at in rd.classify(arm, curve.q, posture, task="planar")} == {"degenerate"}
+        again = pickle.loads(pickle.dumps(curve))
+        np.testing.assert_array_equal(again.q, curve.q)
+        assert repr(again) == repr(curve) == f"SingularityCurve(open, {len(curve)} rows)"
+    one = rd.singularity_curves(arm, posture, task="planar", starts=300, threads=1)
+    for a, b in zip(curves, one, strict=True):
+        np.testing.assert_array_equal(a.q, b.q)
+    with pytest.raises(rd.RedundancyError, match="has 5 dimensions here; curves have one"):
+        iiwa = rd.catalog.load("iiwa14")
+        rd.singularity_curves(iiwa, rd.JointRange(iiwa), starts=10)
+    with pytest.raises(rd.RedundancyError, match=r"step is 1, it must be from 1e-4 to 0\.5"):
+        rd.singularity_curves(arm, posture, task="planar", step=1.0)
+
+
+def interrupted(call: Callable[[], object]) -> float:
+    """Seconds from Ctrl-C to the exception."""
+    sent = []
+
+    def send() -> None:
+        sent.append(time.monotonic())
+        _thread.interrupt_main()
+
+    timer = threading.Timer(0.2, send)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            call()
+    finally:
+        timer.cancel()
+        timer.join()
+    return time.monotonic() - sent[0]
+
+
+def test_long_searches_stop_on_ctrl_c() -> None:
+    arm = rd.catalog.load("iiwa14")
+    h = rd.Manipulability(arm)
+    assert interrupted(lambda: rd.algorithmic_singularities(arm, h, starts=100_000)) < 10.0
+    pose = arm.forward([0.3, 0.7, -0.4, -1.4, 0.2, 0.9, 0.5])
+    path = rd.paths.circle(pose[:3, 3] - [0.05, 0.0, 0.0], 0.05, orientation=pose[:3, :3], n=3)
+    assert interrupted(lambda: rd.rank_starts(arm, path, h, step=1e-3)) < 10.0

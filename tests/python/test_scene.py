@@ -3,9 +3,13 @@
 import itertools
 import json
 import pickle
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
@@ -158,3 +162,100 @@ def test_an_empty_scene_is_far_away() -> None:
 def test_bad_input_is_named(make, message) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(rd.RedundancyError, match=message):
         make()
+
+
+BODIES = {
+    "sphere": '<sphere radius="0.06"/>',
+    "cylinder": '<cylinder radius="0.04" length="0.3"/>',
+    "box": '<box size="0.1 0.24 0.06"/>',
+}
+
+
+def arm_with_bodies(shapes: Sequence[str]) -> str:
+    """Three joints and a tool that is fixed to the last link, one collision body on each."""
+
+    def link(name: str, shape: str) -> str:
+        origin = '<origin xyz="0.02 -0.01 0.15" rpy="0.3 -0.2 0.5"/>'
+        return (
+            f'<link name="{name}"><collision>{origin}<geometry>{BODIES[shape]}</geometry></collision></link>'
+        )
+
+    def joint(k: int, kind: str, parent: str, child: str, axis: str) -> str:
+        return (
+            f'<joint name="j{k}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0 0.05 0.3" rpy="0.1 0.2 0"/><axis xyz="{axis}"/></joint>'
+        )
+
+    links = "".join(link(f"l{k}", shape) for k, shape in enumerate(shapes, start=1))
+    joints = (
+        joint(1, "continuous", "base", "l1", "0 0 1")
+        + joint(2, "continuous", "l1", "l2", "0 1 0")
+        + joint(3, "continuous", "l2", "l3", "1 0 0")
+        + joint(4, "fixed", "l3", "l4", "1 0 0")
+    )
+    return f'<robot name="bodies"><link name="base"/>{links}{joints}</robot>'
+
+
+def nearest_body(xml: str, q: np.ndarray, centre: np.ndarray, radius: float) -> float:
+    """The least distance of the collision bodies from a ball, by coal."""
+    model = pin.buildModelFromXML(xml)
+    bodies = pin.buildGeomFromUrdfString(model, xml, pin.GeometryType.COLLISION)
+    data, places = model.createData(), bodies.createData()
+    state = np.concatenate([[np.cos(x), np.sin(x)] for x in q])
+    pin.updateGeometryPlacements(model, data, bodies, places, state)
+    ball, at = coal.Sphere(radius), coal.Transform3s(np.eye(3), centre)
+    distances = []
+    for body, place in zip(bodies.geometryObjects, places.oMg, strict=True):
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        where = coal.Transform3s(place.rotation, place.translation)
+        distances.append(coal.distance(body.geometry, where, ball, at, request, result))
+    return float(min(distances))
+
+
+@pytest.mark.parametrize("tip", ["l3", "l4"])
+def test_the_primitive_collision_geometry_of_a_urdf(tip: str) -> None:
+    rng = np.random.default_rng(8)
+    for shapes, exact in ((["sphere"] * 4, True), (["cylinder", "box", "sphere", "cylinder"], False)):
+        xml = arm_with_bodies(shapes)
+        chain = rd.Chain.from_urdf_string(xml, base="base", tip=tip)
+        geometry = rd.LinkGeometry.from_urdf_string(chain, xml)
+        assert len(geometry) == 4 and geometry.capsules[3][0] == tip
+        again = pickle.loads(pickle.dumps(geometry))
+        for _ in range(60):
+            q, centre = rng.uniform(-3, 3, 3), rng.uniform([-1, -1, -0.4], [1, 1, 1.6])
+            scene = rd.Scene([rd.Sphere(centre, 0.05)])
+            ours = scene.clearance(chain, q, geometry).distance
+            theirs = nearest_body(xml, q, centre, 0.05)
+            assert scene.clearance(chain, q, again).distance == ours
+            assert rd.Clearance(chain, scene, geometry, smoothing=0).value(q) == ours
+            if theirs < 1e-3:
+                continue
+            # A capsule around a cylinder is longer by its radius, one around a box by at most half of its diagonal.
+            assert ours <= theirs + 1e-6
+            assert ours >= theirs - (1e-6 if exact else 0.13)
+
+
+def test_collision_geometry_that_cannot_be_read() -> None:
+    xml = arm_with_bodies(["sphere"] * 4)
+    chain = rd.Chain.from_urdf_string(xml, base="base")
+    for old, new, message in (
+        (BODIES["sphere"], '<mesh filename="x.stl"/>', "link 'l1': collision: mesh: meshes are not read"),
+        (BODIES["sphere"], '<sphere radius="-1"/>', "radius is -1, it must be > 0 m"),
+        (BODIES["sphere"], '<sphere radius="x"/>', "'x' is not a number"),
+        (BODIES["sphere"], "<torus/>", "unknown geometry 'torus'"),
+        (BODIES["sphere"], "", "<geometry> is empty"),
+        ("<collision>", "<visual>", "no collision geometry"),
+    ):
+        text = xml.replace(old, new).replace(
+            "</collision>", "</visual>" if new == "<visual>" else "</collision>"
+        )
+        with pytest.raises(rd.RedundancyError, match=re.escape(message)):
+            rd.LinkGeometry.from_urdf_string(chain, text)
+    with pytest.raises(rd.RedundancyError, match="no moving link of 'pa10' is in the URDF"):
+        rd.LinkGeometry.from_urdf_string(rd.catalog.load("pa10"), xml)
+    with pytest.raises(rd.RedundancyError, match="LinkGeometry of 'pa10', not of this 'bodies'"):
+        rd.Scene([]).clearance(chain, np.zeros(3), rd.LinkGeometry(rd.catalog.load("pa10")))
+    with pytest.raises(rd.RedundancyError, match="radius"):
+        rd.LinkGeometry(chain).with_capsule("l2", [0, 0, 0], [0, 0, 1], -0.1)
+    with pytest.raises(rd.RedundancyError, match="l9"):
+        rd.LinkGeometry(chain).with_capsule("l9", [0, 0, 0], [0, 0, 1], 0.1)

@@ -289,14 +289,20 @@ pub const STEP_DIRECTION: f64 = 1e-12;
 /// change is over before damping would begin.
 pub const BASIS_LEVEL: f64 = 4.0;
 
-/// Multiple of the damping threshold below which all bases are looked at in one step.
+/// Multiple of the damping threshold below which damping is near and a change of basis is urgent.
 pub const BASIS_URGENT: f64 = 2.0;
 
 /// How much better another basis has to be, hysteresis against changing to and fro.
 pub const BASIS_GAIN: f64 = 2.0;
 
-/// The same where all bases are looked at and damping is near.
+/// The same where the change is urgent.
 pub const BASIS_GAIN_URGENT: f64 = 1.25;
+
+/// Share of its measure at the last look at other bases below which the present one has become worse: look again at once.
+pub const BASIS_FALL: f64 = 0.9;
+
+/// Share of `|J_a^-1|_F^2` that an exchange may leave while a basis is chosen, so that rounding cannot go round in circles.
+pub const BASIS_PROGRESS: f64 = 0.99;
 
 /// Violation of a velocity bound (rad/s, relative to 1 + the velocity) that is rounding. The result is clamped.
 pub const BOX_VIOLATION: f64 = 1e-12;
@@ -343,8 +349,13 @@ pub const SRS_EXACT: f64 = 1e-9;
 pub const CRITICAL_SLOPE: f64 = 2e-6;
 
 /// Curvature of a criterion along the self-motion, relative to the terms it is the sum of, up to which a critical point
-/// counts as degenerate: next to a fold that is a distance of this order (rad), the precision of printed angles.
+/// can count as degenerate: next to a fold that is a distance of this order (rad), the precision of printed angles. It does
+/// where its slope leaves that open.
 pub const DEGENERATE_CURVATURE: f64 = 1e-5;
+
+/// The same for a critical point without any slope: thousands of roundings, and what the search for algorithmic
+/// singularities leaves.
+pub const DEGENERATE_ROUNDING: f64 = 1e-9;
 
 /// Newton step (rad or m) at which a critical point is as exact as doubles allow.
 pub const NEWTON_DONE: f64 = 1e-13;

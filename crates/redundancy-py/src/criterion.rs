@@ -10,12 +10,11 @@ use redundancy_core::criterion::{
 };
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::DMatrix;
-use redundancy_core::scene::LinkGeometry;
 
 use crate::chain::PyChain;
 use crate::convert::{read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
-use crate::scene::PyScene;
+use crate::scene::{LINK_RADIUS, LinkRadius, PyScene};
 use crate::task::{PyTask, read_task};
 
 /// A scalar function of the configuration. Sums and multiples of criteria are criteria.
@@ -215,22 +214,30 @@ pub struct PyClearanceCriterion;
 #[pymethods]
 impl PyClearanceCriterion {
     #[new]
-    #[pyo3(signature = (chain, scene, link_radius=0.05, *, smoothing=CLEARANCE_SMOOTHING))]
+    #[pyo3(
+        signature = (chain, scene, link_radius=None, *, smoothing=CLEARANCE_SMOOTHING),
+        text_signature = "(chain, scene, link_radius=0.05, *, smoothing=0.002)"
+    )]
     fn new(
         chain: &Bound<'_, PyChain>,
         scene: &Bound<'_, PyScene>,
-        link_radius: f64,
+        link_radius: Option<&Bound<'_, PyAny>>,
         smoothing: f64,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
         let arm = &chain.get().chain;
-        let geometry = LinkGeometry::joint_to_joint(arm, link_radius).map_err(to_py)?;
+        let link_radius = match link_radius {
+            Some(given) => given.clone(),
+            None => LINK_RADIUS.into_pyobject(py)?.into_any(),
+        };
+        let geometry = link_radius.extract::<LinkRadius<'_>>()?.geometry(arm)?;
         let criterion =
             Clearance::with_geometry(arm, &scene.get().scene, geometry, smoothing).map_err(to_py)?;
         let text = format!(
-            "Clearance({}, {}, link_radius={link_radius:?}, smoothing={smoothing:?})",
+            "Clearance({}, {}, link_radius={}, smoothing={smoothing:?})",
             arm.name(),
-            scene.repr()?
+            scene.repr()?,
+            link_radius.repr()?
         );
         let keywords = (("smoothing", smoothing),).into_pyobject(py)?;
         let arguments = (chain, scene, link_radius).into_pyobject(py)?;

@@ -8,12 +8,12 @@ use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::ik::{
     Attraction, Configurations, CostMeasure, CostWeights, DescentSettings, GradientKind, HalfAngle, IkBatch,
     IkMemory, IkMethod, IkResult, IkSettings, IkSolver, IkTrace, OrientationSet, Sinusoid, SphericalWristArm,
-    SweepOrder, pose_cost, quaternion_cost, task_target,
+    SweepOrder, pose_cost, quaternion_cost,
 };
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::rotation::unit_direction;
-use redundancy_core::{Error, Pose, Status, pose_to_row_major};
+use redundancy_core::{Error, Status};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
@@ -23,7 +23,7 @@ use crate::error::to_py;
 use crate::rotation::{PyCone, PyQuaternionVolume};
 use crate::self_motion::{Batch, PySolveBatch, signs_of};
 use crate::status::{status_to_py, statuses_to_py};
-use crate::task::{PyTask, read_task};
+use crate::task::{PyTask, read_target, read_targets, read_task};
 
 /// Poses between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 16_384;
@@ -491,52 +491,6 @@ fn read_set(object: &Bound<'_, PyAny>) -> PyResult<OrientationSet> {
             Err(to_py(Error::Invalid(message)))
         }
     }
-}
-
-/// Numbers that stand for a target of the task, where fewer than a pose are allowed.
-fn short(task: &Task) -> Option<usize> {
-    let n = task.dim();
-    (n <= 3).then_some(n)
-}
-
-/// A pose, or as many numbers as the task has coordinates.
-fn read_target(object: &Bound<'_, PyAny>, task: &Task) -> PyResult<Pose> {
-    if let Some(n) = short(task)
-        && let Ok(values) = read_vector(object, "pose", Some(n))
-    {
-        return task_target(task, &values).map_err(to_py);
-    }
-    read_pose(object)
-}
-
-/// Targets as row-major matrices.
-struct Targets<'py> {
-    rows: usize,
-    poses: Option<Batch<'py>>,
-    made: Vec<f64>,
-}
-
-impl Targets<'_> {
-    fn as_slice(&self) -> PyResult<&[f64]> {
-        match &self.poses {
-            Some(poses) => poses.as_slice(),
-            None => Ok(&self.made),
-        }
-    }
-}
-
-fn read_targets<'py>(object: &Bound<'py, PyAny>, task: &Task) -> PyResult<Targets<'py>> {
-    if let Some(n) = short(task)
-        && let Ok(rows) = read_rows(object, "poses", &[n])
-    {
-        let mut made = Vec::new();
-        for values in rows.as_slice()?.chunks_exact(n) {
-            made.extend(pose_to_row_major(&task_target(task, values).map_err(to_py)?));
-        }
-        return Ok(Targets { rows: rows.batch.unwrap_or(1), poses: None, made });
-    }
-    let poses = Batch::read(object)?;
-    Ok(Targets { rows: poses.len(), poses: Some(poses), made: Vec::new() })
 }
 
 /// The answer over one pose.

@@ -41,8 +41,9 @@ mod _core {
     #[pymodule_export]
     use optimum::{
         PyClassification, PyCofactorCondition, PyCriticalPoint, PyFollowedOptimum, PyRankedStart,
-        PySingularPoint, py_algorithmic_singularities, py_classify, py_cofactor_condition,
-        py_constrained_optima, py_follow_optimum, py_rank_starts, py_singularity_distance,
+        PySingularPoint, PySingularityCurve, py_algorithmic_singularities, py_classify,
+        py_cofactor_condition, py_constrained_optima, py_follow_optimum, py_rank_starts,
+        py_singularity_curves, py_singularity_distance,
     };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
@@ -56,7 +57,7 @@ mod _core {
         quaternion_to_xyz, quaternion_to_zyz,
     };
     #[pymodule_export]
-    use scene::{PyBox, PyCapsule, PyClearance, PyScene, PySphere};
+    use scene::{PyBox, PyCapsule, PyClearance, PyLinkGeometry, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]

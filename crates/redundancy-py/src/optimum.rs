@@ -1,13 +1,13 @@
 //! What kind of optimum is it, and where does it break.
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyType};
 use redundancy_core::kinematics::Task;
 use redundancy_core::optimum::{
     Classification, Classifier, CofactorCondition, CriticalPoint, FollowSettings, FollowedOptimum, Kind,
-    OptimaSettings, SingularPoint, SingularitySettings, Stop, algorithmic_singularities, cofactor_condition,
-    constrained_optima, distance_to_nearest, follow_optimum, rank_starts,
+    OptimaSettings, SingularPoint, SingularityCurve, SingularitySearch, SingularitySettings, Stop,
+    cofactor_condition, constrained_optima, distance_to_nearest, follow_optimum, follow_starts, sort_starts,
 };
 use redundancy_core::path::Trajectory;
 
@@ -19,6 +19,11 @@ use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
 use crate::status::kind_to_py;
 use crate::task::{read_target, read_task};
+
+/// Critical points that are followed between two looks at Ctrl-C.
+const FOLLOW_BLOCK: usize = 4;
+/// Starts of a search for singularities between two looks at Ctrl-C.
+const SEARCH_BLOCK: usize = 64;
 
 fn task_or_pose(task: Option<&Bound<'_, PyAny>>) -> PyResult<Task> {
     task.map_or(Ok(Task::POSE), read_task)
@@ -512,17 +517,22 @@ pub fn py_rank_starts(
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
     let default = OptimaSettings::default();
     let optima = OptimaSettings { seed, starts: starts.unwrap_or(default.starts), ..default };
-    let mut ranked = Vec::new();
+    let h = criterion.as_ref();
+    let (mut points, mut ranked) = (Vec::new(), Vec::new());
     in_blocks(py, 1, 1, threads, |_| {
-        for start in rank_starts(chain, path, criterion.as_ref(), task, &optima, &settings)? {
-            let trajectory = start.followed.trajectory(chain, path)?;
-            ranked.push((start, trajectory));
-        }
+        points = constrained_optima(chain, &path.poses()[0], h, task, &optima)?;
+        // Says what is wrong with the other arguments where there is no point to follow.
+        follow_starts(chain, path, h, task, Vec::new(), &settings).map(drop)
+    })?;
+    in_blocks(py, points.len(), FOLLOW_BLOCK, threads, |r| {
+        ranked.extend(follow_starts(chain, path, h, task, points[r].to_vec(), &settings)?);
         Ok(())
     })?;
+    sort_starts(&mut ranked, h.sense());
     ranked
         .into_iter()
-        .map(|(start, trajectory)| {
+        .map(|start| {
+            let trajectory = start.followed.trajectory(chain, path).map_err(to_py)?;
             Ok(PyRankedStart {
                 point: Py::new(py, PyCriticalPoint { point: start.point })?,
                 trajectory: PyFollowedOptimum::new_bound(py, start.followed, trajectory)?.unbind(),
@@ -606,12 +616,97 @@ pub fn py_algorithmic_singularities(
     let task = task_or_pose(task)?;
     let default = SingularitySettings::default();
     let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
-    let mut points = Vec::new();
-    in_blocks(py, 1, 1, threads, |_| {
-        points = algorithmic_singularities(chain, criterion.as_ref(), task, &settings)?;
+    let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
+    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
+        search.run(r.len());
         Ok(())
     })?;
-    Ok(points.into_iter().map(|point| PySingularPoint { point }).collect())
+    Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
+}
+
+/// Configurations at which critical points vanish, in order.
+#[pyclass(name = "SingularityCurve", module = "redundancy", frozen)]
+pub struct PySingularityCurve {
+    curve: SingularityCurve,
+    n: usize,
+}
+
+#[pymethods]
+impl PySingularityCurve {
+    #[new]
+    fn new(q: PyReadonlyArray2<'_, f64>, closed: bool, first_joint_free: bool) -> Self {
+        let (n, q) = (q.as_array().ncols(), q.as_array().iter().copied().collect());
+        Self { curve: SingularityCurve { q, closed, first_joint_free }, n }
+    }
+
+    /// Rows, one configuration each.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, &self.curve.q, [self.__len__(), self.n])
+    }
+
+    /// Whether it ends where it began.
+    #[getter]
+    fn closed(&self) -> bool {
+        self.curve.closed
+    }
+
+    /// Whether every value of the first joint gives such a curve.
+    #[getter]
+    fn first_joint_free(&self) -> bool {
+        self.curve.first_joint_free
+    }
+
+    fn __len__(&self) -> usize {
+        self.curve.q.len() / self.n.max(1)
+    }
+
+    fn __repr__(&self) -> String {
+        let word = if self.curve.closed { "closed" } else { "open" };
+        format!("SingularityCurve({word}, {} rows)", self.__len__())
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyType>, (Bound<'py, PyArray2<f64>>, bool, bool))> {
+        let SingularityCurve { closed, first_joint_free, .. } = self.curve;
+        Ok((py.get_type::<Self>(), (self.q(py)?, closed, first_joint_free)))
+    }
+}
+
+/// Curves on which critical points vanish.
+#[pyfunction]
+#[pyo3(name = "singularity_curves",
+    signature = (chain, criterion, task=None, *, step=0.05, seed=0, starts=None, threads=None))]
+pub fn py_singularity_curves(
+    py: Python<'_>,
+    chain: &Bound<'_, PyChain>,
+    criterion: &Bound<'_, PyCriterion>,
+    task: Option<&Bound<'_, PyAny>>,
+    step: f64,
+    seed: u64,
+    starts: Option<usize>,
+    threads: Option<usize>,
+) -> PyResult<Vec<PySingularityCurve>> {
+    let chain = &chain.get().chain;
+    let criterion = criterion.get().criterion.clone();
+    let task = task_or_pose(task)?;
+    let default = SingularitySettings::default();
+    let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
+    let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
+    search.check_curves(step).map_err(to_py)?;
+    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
+        search.run(r.len());
+        Ok(())
+    })?;
+    let mut tracer = search.tracer(step).map_err(to_py)?;
+    in_blocks(py, tracer.starts(), 1, threads, |r| {
+        tracer.run(r.len());
+        Ok(())
+    })?;
+    let curves = tracer.finish();
+    Ok(curves.into_iter().map(|curve| PySingularityCurve { curve, n: chain.dof() }).collect())
 }
 
 /// Distance of configurations from the nearest algorithmic singularity.

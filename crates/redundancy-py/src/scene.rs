@@ -3,6 +3,7 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use redundancy_core::chain::{Chain, CollisionBody};
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::scene::{Capsule, Cuboid, LinkGeometry, NearestPair, Obstacle, Scene, Shape, Sphere};
 use redundancy_core::{Error, pose_to_row_major};
@@ -12,6 +13,8 @@ use crate::chain::PyChain;
 use crate::convert::{Threads, read_array, read_pose, read_rows, to_array};
 use crate::error::to_py;
 
+/// Radius of the links, m, where none is given.
+pub const LINK_RADIUS: f64 = 0.05;
 /// Configurations between two looks for Ctrl-C.
 const BLOCK: usize = 8_192;
 
@@ -293,18 +296,21 @@ impl PyScene {
     }
 
     /// The nearest pair of link and obstacle, of one configuration or of many.
-    #[pyo3(signature = (chain, q, link_radius=0.05, *, threads=None))]
+    #[pyo3(
+        signature = (chain, q, link_radius=None, *, threads=None),
+        text_signature = "($self, chain, q, link_radius=0.05, *, threads=None)"
+    )]
     fn clearance<'py>(
         &self,
         py: Python<'py>,
         chain: &Bound<'py, PyChain>,
         q: &Bound<'py, PyAny>,
-        link_radius: f64,
+        link_radius: Option<LinkRadius<'_>>,
         threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyClearance>> {
         let chain = &chain.get().chain;
         let n = chain.dof();
-        let geometry = LinkGeometry::joint_to_joint(chain, link_radius).map_err(to_py)?;
+        let geometry = link_radius.unwrap_or(LinkRadius::Radius(LINK_RADIUS)).geometry(chain)?;
         let rows = read_rows(q, "q", &[n])?;
         let values = rows.as_slice()?;
         let mut pairs = Vec::with_capacity(values.len() / n.max(1));
@@ -328,6 +334,145 @@ impl PyScene {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Vec<Bound<'py, PyAny>>,))> {
         Ok((py.get_type::<Self>().into_any(), (self.obstacles(py)?,)))
+    }
+}
+
+type CapsuleParts = (String, [f64; 3], [f64; 3], f64);
+
+/// The arm as rounded segments: what of it can touch an obstacle.
+#[pyclass(name = "LinkGeometry", module = "redundancy", frozen)]
+pub struct PyLinkGeometry {
+    chain: Py<PyChain>,
+    pub geometry: LinkGeometry,
+    /// What it was made of: a radius from joint to joint, then capsules in frames of links.
+    radius: Option<f64>,
+    added: Vec<CapsuleParts>,
+}
+
+#[pymethods]
+impl PyLinkGeometry {
+    /// Capsules of one radius from joint to joint and from the last joint to the tool.
+    #[new]
+    #[pyo3(signature = (chain, radius=0.05))]
+    fn new(chain: Py<PyChain>, radius: f64) -> PyResult<Self> {
+        let geometry = LinkGeometry::joint_to_joint(&chain.get().chain, radius).map_err(to_py)?;
+        Ok(Self { chain, geometry, radius: Some(radius), added: Vec::new() })
+    }
+
+    /// The primitive collision geometry of a URDF file, each body as the capsule around it.
+    #[staticmethod]
+    fn from_urdf(chain: Py<PyChain>, path: std::path::PathBuf) -> PyResult<Self> {
+        let bodies = chain.get().chain.collision_from_urdf(path).map_err(to_py)?;
+        Self::of_bodies(chain, &bodies)
+    }
+
+    /// The same from the text of a URDF.
+    #[staticmethod]
+    fn from_urdf_string(chain: Py<PyChain>, xml: &str) -> PyResult<Self> {
+        let bodies = chain.get().chain.collision_from_urdf_string(xml).map_err(to_py)?;
+        Self::of_bodies(chain, &bodies)
+    }
+
+    /// With one more capsule, given in the frame of a link.
+    fn with_capsule(
+        &self,
+        py: Python<'_>,
+        link: &str,
+        start: &Bound<'_, PyAny>,
+        end: &Bound<'_, PyAny>,
+        radius: f64,
+    ) -> PyResult<Self> {
+        let mut added = self.added.clone();
+        added.push((link.into(), read_array(start, "start")?, read_array(end, "end")?, radius));
+        Self::_from_parts(self.chain.clone_ref(py), self.radius, added)
+    }
+
+    /// Number of segments.
+    fn __len__(&self) -> usize {
+        self.geometry.capsules().len()
+    }
+
+    /// Name of the link and radius of each segment.
+    #[getter]
+    fn capsules(&self) -> Vec<(String, f64)> {
+        let links = self.chain.get().chain.links();
+        let name = |link: usize| links.get(link).map(|l| l.name.clone()).unwrap_or_default();
+        self.geometry.capsules().iter().map(|c| (name(c.link), c.radius)).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "LinkGeometry({}, {} capsules)",
+            self.chain.get().chain.name(),
+            self.geometry.capsules().len()
+        )
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Py<PyChain>, Option<f64>, Vec<CapsuleParts>))> {
+        let make = py.get_type::<Self>().getattr("_from_parts")?;
+        Ok((make, (self.chain.clone_ref(py), self.radius, self.added.clone())))
+    }
+
+    /// Inverse of pickling.
+    #[staticmethod]
+    fn _from_parts(chain: Py<PyChain>, radius: Option<f64>, added: Vec<CapsuleParts>) -> PyResult<Self> {
+        let arm = &chain.get().chain;
+        let mut geometry = match radius {
+            Some(radius) => LinkGeometry::joint_to_joint(arm, radius),
+            None => Ok(LinkGeometry::default()),
+        };
+        for (link, start, end, radius) in &added {
+            let place = |geometry: LinkGeometry| {
+                geometry.with_capsule(arm, arm.link_index(link)?, *start, *end, *radius)
+            };
+            geometry = geometry.and_then(place);
+        }
+        let geometry = geometry.map_err(to_py)?;
+        Ok(Self { chain, geometry, radius, added })
+    }
+}
+
+impl PyLinkGeometry {
+    fn of_bodies(chain: Py<PyChain>, bodies: &[CollisionBody]) -> PyResult<Self> {
+        let arm = &chain.get().chain;
+        let geometry = LinkGeometry::of_bodies(arm, bodies).map_err(to_py)?;
+        let added = bodies.iter().map(|body| {
+            let (start, end, radius) = LinkGeometry::capsule_around(body);
+            (arm.links()[body.link].name.clone(), start, end, radius)
+        });
+        let added = added.collect();
+        Ok(Self { chain, geometry, radius: None, added })
+    }
+}
+
+/// `link_radius`: a radius of capsules from joint to joint, or a geometry.
+#[derive(FromPyObject)]
+pub enum LinkRadius<'py> {
+    Geometry(Bound<'py, PyLinkGeometry>),
+    Radius(f64),
+}
+
+impl LinkRadius<'_> {
+    /// The segments of `chain`.
+    pub fn geometry(&self, chain: &Chain) -> PyResult<LinkGeometry> {
+        match self {
+            Self::Radius(radius) => LinkGeometry::joint_to_joint(chain, *radius).map_err(to_py),
+            Self::Geometry(given) => {
+                let made_for = &given.get().chain.get().chain;
+                if made_for != chain {
+                    let message = format!(
+                        "link_radius is a LinkGeometry of '{}', not of this '{}'",
+                        made_for.name(),
+                        chain.name()
+                    );
+                    return Err(to_py(Error::Invalid(message)));
+                }
+                Ok(given.get().geometry.clone())
+            }
+        }
     }
 }
 

@@ -2,12 +2,13 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use redundancy_core::ik::task_target;
 use redundancy_core::kinematics::{Task, TaskKind};
-use redundancy_core::nalgebra::{Rotation3, Translation3};
-use redundancy_core::{Error, Pose};
+use redundancy_core::{Error, Pose, pose_to_row_major};
 
-use crate::convert::{read_array, read_pose, read_rows};
+use crate::convert::{Rows, read_array, read_pose, read_rows};
 use crate::error::to_py;
+use crate::self_motion::Batch;
 
 /// Which coordinates of the tool's motion count.
 #[pyclass(name = "Task", module = "redundancy", frozen, eq)]
@@ -89,25 +90,63 @@ pub fn read_task(object: &Bound<'_, PyAny>) -> PyResult<Task> {
     }
 }
 
-/// A target of `task`: a pose, or what counts of it: `(2,)` for `planar`, `(3,)` for `planar` and `position`.
-pub fn read_target(object: &Bound<'_, PyAny>, task: &Task) -> PyResult<Pose> {
-    let lengths: &[usize] = match task.kind() {
+/// How many numbers may stand for a target of `task` instead of a pose: its coordinates, for `planar` also with z.
+fn coordinate_counts(task: &Task) -> &'static [usize] {
+    match task.kind() {
         TaskKind::Planar => &[2, 3],
-        TaskKind::Position => &[3],
+        TaskKind::Position | TaskKind::PlanarPose => &[3],
         _ => &[],
-    };
-    for length in lengths {
-        if let Ok(rows) = read_rows(object, "target", &[*length])
-            && rows.batch.is_none()
-        {
-            let p = rows.as_slice()?;
-            if let Some(index) = p.iter().position(|x| !x.is_finite()) {
-                let (what, value) = ("target".into(), p[index]);
-                return Err(to_py(Error::NotFinite { what, index, value }));
-            }
-            let z = p.get(2).copied().unwrap_or(0.0);
-            return Ok(Pose::from_parts(Translation3::new(p[0], p[1], z), Rotation3::identity()));
+    }
+}
+
+/// One or many targets that are given by their coordinates, and the length of a row; none where `object` is something else.
+fn read_coordinates<'py>(object: &Bound<'py, PyAny>, task: &Task) -> Option<(Rows<'py>, usize)> {
+    let mut counts = coordinate_counts(task).iter();
+    counts.find_map(|n| read_rows(object, "target", &[*n]).ok().map(|rows| (rows, *n)))
+}
+
+/// A target of `task`: a pose, or what counts of it: `(2,)` or `(3,)` for `planar`, `(3,)` for `planar_pose` and
+/// `position`.
+pub fn read_target(object: &Bound<'_, PyAny>, task: &Task) -> PyResult<Pose> {
+    match read_coordinates(object, task) {
+        Some((rows, _)) if rows.batch.is_none() => {
+            task_target(task, &rows.as_slice()?[..task.dim()]).map_err(to_py)
+        }
+        _ => read_pose(object),
+    }
+}
+
+/// Targets as row-major matrices.
+pub struct Targets<'py> {
+    /// How many.
+    pub rows: usize,
+    poses: Option<Batch<'py>>,
+    made: Vec<f64>,
+}
+
+impl Targets<'_> {
+    /// All numbers, pose by pose.
+    pub fn as_slice(&self) -> PyResult<&[f64]> {
+        match &self.poses {
+            Some(poses) => poses.as_slice(),
+            None => Ok(&self.made),
         }
     }
-    read_pose(object)
+}
+
+/// Targets of `task`, each as for [`read_target`].
+pub fn read_targets<'py>(object: &Bound<'py, PyAny>, task: &Task) -> PyResult<Targets<'py>> {
+    let Some((rows, n)) = read_coordinates(object, task) else {
+        let poses = Batch::read(object)?;
+        return Ok(Targets { rows: poses.len(), poses: Some(poses), made: Vec::new() });
+    };
+    let mut made = Vec::new();
+    for (i, values) in rows.as_slice()?.chunks_exact(n).enumerate() {
+        let target = task_target(task, &values[..task.dim()]).map_err(|error| match rows.batch {
+            Some(_) => to_py(Error::Invalid(format!("row {i}: {error}"))),
+            None => to_py(error),
+        })?;
+        made.extend(pose_to_row_major(&target));
+    }
+    Ok(Targets { rows: rows.batch.unwrap_or(1), poses: None, made })
 }

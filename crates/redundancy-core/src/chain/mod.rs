@@ -10,11 +10,13 @@ pub mod urdf;
 mod builder;
 #[allow(clippy::module_inception)]
 mod chain;
+mod collision;
 mod dh;
 mod joint;
 
 pub use builder::ChainBuilder;
 pub use chain::{Chain, Link};
+pub use collision::{CollisionBody, CollisionShape};
 pub use dh::{DhConvention, DhRow};
 pub use joint::{Inertia, Joint, JointKind, Limits};
 pub use urdf::MissingLimits;

@@ -60,17 +60,8 @@ impl Chain {
         tip: Option<&str>,
         missing_limits: MissingLimits,
     ) -> Result<Self> {
-        let file = path.as_ref().display().to_string();
-        let broken = |message: String| Error::File { file: file.clone(), message };
-        let mut bytes = Vec::new();
-        std::fs::File::open(path.as_ref())
-            .and_then(|f| f.take(URDF_BYTES as u64 + 1).read_to_end(&mut bytes))
-            .map_err(|error| broken(error.to_string()))?;
-        let xml = String::from_utf8(bytes).map_err(|e| broken(format!("not UTF-8: {}", e.utf8_error())))?;
-        Self::from_urdf_string(&xml, base, tip, missing_limits).map_err(|error| match error {
-            Error::Description(message) => Error::Description(format!("{file}: {message}")),
-            other => other,
-        })
+        let xml = read_file(path.as_ref())?;
+        Self::from_urdf_string(&xml, base, tip, missing_limits).map_err(|error| in_file(path.as_ref(), error))
     }
 
     /// A chain from the text of a URDF, from link `base` to link `tip` (see [`Chain::from_urdf`]).
@@ -102,26 +93,50 @@ impl Chain {
         tip: Option<&str>,
         missing_limits: MissingLimits,
     ) -> Result<Self> {
-        // Blank lines before the XML declaration are against the standard and common.
-        let xml = xml.trim_start_matches('\u{feff}').trim_start();
-        guard(xml)?;
-        let options = ParsingOptions { allow_dtd: false, nodes_limit: URDF_NODES, ..Default::default() };
-        let document = Document::parse_with_options(xml, options).map_err(|error| match error {
-            roxmltree::Error::DtdDetected => {
-                bad("document type definitions (<!DOCTYPE ...>, entities) are refused; remove it")
-            }
-            other => bad(format!("not well-formed XML: {other}")),
-        })?;
-        let tree = Tree::read(&document)?;
-        let way = tree.way(base, tip)?;
-        let selection = Selection::new(&tree, way, missing_limits)?;
-        let robot = urdf_rs::read_from_string(&selection.rewritten(&tree)?)
-            .map_err(|error| bad(format!("urdf-rs refuses it: {error}")))?;
-        selection.assemble(&tree, &robot)
+        with_tree(xml, |tree| {
+            let way = tree.way(base, tip)?;
+            let selection = Selection::new(tree, way, missing_limits)?;
+            let robot = urdf_rs::read_from_string(&selection.rewritten(tree)?)
+                .map_err(|error| bad(format!("urdf-rs refuses it: {error}")))?;
+            selection.assemble(tree, &robot)
+        })
     }
 }
 
-fn bad(message: impl Into<String>) -> Error {
+/// The text of a URDF file.
+pub(super) fn read_file(path: &Path) -> Result<String> {
+    let broken = |message: String| Error::File { file: path.display().to_string(), message };
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|f| f.take(URDF_BYTES as u64 + 1).read_to_end(&mut bytes))
+        .map_err(|error| broken(error.to_string()))?;
+    String::from_utf8(bytes).map_err(|e| broken(format!("not UTF-8: {}", e.utf8_error())))
+}
+
+/// The error with the file's name in front.
+pub(super) fn in_file(path: &Path, error: Error) -> Error {
+    match error {
+        Error::Description(message) => Error::Description(format!("{}: {message}", path.display())),
+        other => other,
+    }
+}
+
+/// Parses the text of a URDF and hands its links and joints on.
+pub(super) fn with_tree<T>(xml: &str, read: impl FnOnce(&Tree<'_, '_>) -> Result<T>) -> Result<T> {
+    // Blank lines before the XML declaration are against the standard and common.
+    let xml = xml.trim_start_matches('\u{feff}').trim_start();
+    guard(xml)?;
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: URDF_NODES, ..Default::default() };
+    let document = Document::parse_with_options(xml, options).map_err(|error| match error {
+        roxmltree::Error::DtdDetected => {
+            bad("document type definitions (<!DOCTYPE ...>, entities) are refused; remove it")
+        }
+        other => bad(format!("not well-formed XML: {other}")),
+    })?;
+    read(&Tree::read(&document)?)
+}
+
+pub(super) fn bad(message: impl Into<String>) -> Error {
     Error::Description(message.into())
 }
 
@@ -158,22 +173,22 @@ fn guard(xml: &str) -> Result<()> {
 }
 
 /// The links and joints of a document, by index, and how they hang together.
-struct Tree<'a, 'x> {
-    robot: Node<'a, 'x>,
-    links: Vec<(&'a str, Node<'a, 'x>)>,
-    joints: Vec<JointNode<'a, 'x>>,
+pub(super) struct Tree<'a, 'x> {
+    pub robot: Node<'a, 'x>,
+    pub links: Vec<(&'a str, Node<'a, 'x>)>,
+    pub joints: Vec<JointNode<'a, 'x>>,
     /// For each link the joint above it.
-    above: Vec<Option<usize>>,
+    pub above: Vec<Option<usize>>,
     /// For each link the joints below it.
     below: Vec<Vec<usize>>,
 }
 
-struct JointNode<'a, 'x> {
-    name: &'a str,
-    kind: &'a str,
-    parent: usize,
+pub(super) struct JointNode<'a, 'x> {
+    pub name: &'a str,
+    pub kind: &'a str,
+    pub parent: usize,
     child: usize,
-    node: Node<'a, 'x>,
+    pub node: Node<'a, 'x>,
 }
 
 impl<'a, 'x: 'a> Tree<'a, 'x> {
@@ -481,10 +496,10 @@ impl Selection {
 
 /// Version of the format; missing or malformed is 1.0, as in urdfdom.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
-struct Version(u32, u32);
+pub(super) struct Version(u32, u32);
 
 impl Version {
-    fn of(robot: Node) -> Self {
+    pub fn of(robot: Node) -> Self {
         let parse = |text: &str| {
             let (major, minor) = text.trim().split_once('.')?;
             Some(Self(major.parse().ok()?, minor.parse().ok()?))
@@ -493,7 +508,7 @@ impl Version {
     }
 }
 
-type Tokens<'a, const N: usize> = Option<[&'a str; N]>;
+pub(super) type Tokens<'a, const N: usize> = Option<[&'a str; N]>;
 
 fn rewrite_origin(out: &mut String, node: Node, what: &str, version: Version) -> Result<()> {
     let Some(origin) = element(node, "origin") else { return Ok(()) };
@@ -512,7 +527,7 @@ fn rewrite_origin(out: &mut String, node: Node, what: &str, version: Version) ->
 
 /// The rotation of `<origin quat_xyzw>`, since URDF 1.1. Not left to urdf-rs, which makes angles of it and loses up
 /// to 4e-3 rad where the pitch is near 90 deg.
-fn quaternion(node: Node, what: &str, version: Version) -> Result<Option<UnitQuaternion<f64>>> {
+pub(super) fn quaternion(node: Node, what: &str, version: Version) -> Result<Option<UnitQuaternion<f64>>> {
     let Some(origin) = element(node, "origin").filter(|_| version >= Version(1, 1)) else { return Ok(None) };
     let Some(words) = numbers::<4>(origin, "quat_xyzw", what)? else { return Ok(None) };
     let [x, y, z, w] = parse(&words, what)?;
@@ -604,7 +619,11 @@ fn write_attribute<const N: usize>(out: &mut String, name: &str, tokens: &Tokens
 }
 
 /// The words of an attribute, known to be `N` finite numbers.
-fn numbers<'a, const N: usize>(node: Node<'a, '_>, name: &str, what: &str) -> Result<Tokens<'a, N>> {
+pub(super) fn numbers<'a, const N: usize>(
+    node: Node<'a, '_>,
+    name: &str,
+    what: &str,
+) -> Result<Tokens<'a, N>> {
     let Some(text) = node.attribute(name) else { return Ok(None) };
     let words: Vec<&str> = text.split_whitespace().take(N + 1).collect();
     let Ok(words) = <[&str; N]>::try_from(words) else {
@@ -614,7 +633,7 @@ fn numbers<'a, const N: usize>(node: Node<'a, '_>, name: &str, what: &str) -> Re
     Ok(Some(words))
 }
 
-fn parse<const N: usize>(words: &[&str; N], what: &str) -> Result<[f64; N]> {
+pub(super) fn parse<const N: usize>(words: &[&str; N], what: &str) -> Result<[f64; N]> {
     let mut values = [0.0; N];
     for (value, word) in values.iter_mut().zip(words) {
         *value = word.parse().map_err(|_| bad(format!("{what}: '{word}' is not a number")))?;
@@ -624,11 +643,14 @@ fn parse<const N: usize>(words: &[&str; N], what: &str) -> Result<[f64; N]> {
 }
 
 /// The first child element with this name; elements of other vocabularies have a namespace.
-fn element<'a, 'x>(node: Node<'a, 'x>, name: &str) -> Option<Node<'a, 'x>> {
+pub(super) fn element<'a, 'x>(node: Node<'a, 'x>, name: &str) -> Option<Node<'a, 'x>> {
     node.children().find(|n| is(*n, name, node))
 }
 
-fn elements<'a, 'x: 'a>(node: Node<'a, 'x>, name: &'static str) -> impl Iterator<Item = Node<'a, 'x>> {
+pub(super) fn elements<'a, 'x: 'a>(
+    node: Node<'a, 'x>,
+    name: &'static str,
+) -> impl Iterator<Item = Node<'a, 'x>> {
     node.children().filter(move |n| is(*n, name, node))
 }
 
@@ -638,7 +660,7 @@ fn is(node: Node, name: &str, parent: Node) -> bool {
         && node.tag_name().namespace() == parent.tag_name().namespace()
 }
 
-fn attribute<'a>(node: Node<'a, '_>, name: &str, what: &str) -> Result<&'a str> {
+pub(super) fn attribute<'a>(node: Node<'a, '_>, name: &str, what: &str) -> Result<&'a str> {
     match node.attribute(name) {
         Some(value) if !value.is_empty() => Ok(value),
         Some(_) => Err(bad(format!("{what}: {name} is empty"))),

@@ -114,14 +114,30 @@ impl Criterion for Elbow {
 
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {
         let mut scratch = Scratch::new(&self.chain);
-        let kinematics = self.chain.kinematics_unchecked(q, &mut scratch);
-        let (x, count) = self.place(&kinematics);
+        self.hessian_at(&self.chain.kinematics_unchecked(q, &mut scratch), out);
+    }
+
+    fn second_order_at(
+        &self,
+        q: &[f64],
+        kinematics: &Kinematics<'_>,
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) {
+        self.gradient_at(q, kinematics, gradient);
+        self.hessian_at(kinematics, hessian);
+    }
+}
+
+impl Elbow {
+    fn hessian_at(&self, kinematics: &Kinematics<'_>, out: &mut DMatrix<f64>) {
+        let (x, count) = self.place(kinematics);
         out.fill(0.0);
         for l in 0..count {
-            let last = rate(&kinematics, &x, l);
+            let last = rate(kinematics, &x, l);
             for k in 0..=l {
                 let bent = kinematics.angular(k).cross(&last);
-                out[(k, l)] = 2.0 * (rate(&kinematics, &x, k).dot(&last) + (x - self.point).dot(&bent));
+                out[(k, l)] = 2.0 * (rate(kinematics, &x, k).dot(&last) + (x - self.point).dot(&bent));
                 out[(l, k)] = out[(k, l)];
             }
         }

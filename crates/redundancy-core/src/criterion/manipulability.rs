@@ -176,15 +176,35 @@ impl<'a> Columns<'a> {
         self.coordinates(self.kinematics.linear(j), self.kinematics.angular(j))
     }
 
-    /// `d column_j / d q_k`.
+    /// `W dJ_j / dq_k` at `k n + j`: with `a < b`, `W [w_a x v_b; 0]` for both orders, and `W [0; w_a x w_b]` where joint
+    /// a turns column b. What the tool sees, for axes that it carries along: joint b turns column a backwards.
     #[inline(always)]
-    fn derivative(&self, j: usize, k: usize) -> [f64; 6] {
-        let (linear, mut angular) = self.kinematics.jacobian_derivative(j, k);
-        if self.carried {
-            // What the tool sees: joints beyond j turn the axis backwards, those before j leave it.
-            angular -= self.kinematics.angular(k).cross(&self.kinematics.angular(j));
+    fn turned_derivatives(&self, factors: &Factors, out: &mut [[f64; 6]]) {
+        let n = self.len();
+        for b in 0..n {
+            let (linear, angular) = (self.kinematics.linear(b), self.kinematics.angular(b));
+            for a in 0..=b {
+                let axis = self.kinematics.angular(a);
+                let shared = factors.turned_half(0, &self.counted(0, axis.cross(&linear)));
+                (out[a * n + b], out[b * n + a]) = (shared, shared);
+                if a == b {
+                    continue;
+                }
+                let turn = axis.cross(&angular);
+                let own = if self.carried { self.frame.tr_mul(&turn) } else { turn };
+                let own = factors.turned_half(3, &self.counted(3, own));
+                let entry = if self.carried { &mut out[b * n + a] } else { &mut out[a * n + b] };
+                for (entry, own) in entry.iter_mut().zip(own) {
+                    *entry += own;
+                }
+            }
         }
-        self.coordinates(linear, angular)
+    }
+
+    /// A vector whose entries are those `first` to `first + 2` of the task, without those that do not count.
+    #[inline(always)]
+    fn counted(&self, first: usize, x: Vector3<f64>) -> Vector3<f64> {
+        Vector3::new(x.x * self.counts[first], x.y * self.counts[first + 1], x.z * self.counts[first + 2])
     }
 
     /// `adj(A) column_j` as a force and a torque in world axes.
@@ -204,8 +224,8 @@ impl<'a> Columns<'a> {
 
 /// What diagonalises `A = J J^T`; coordinates that do not count are padded with ones on the diagonal.
 struct Factors {
-    /// W, row by row.
-    rows: [[f64; 6]; 6],
+    /// W, column by column.
+    columns: [[f64; 6]; 6],
     /// `c_i`.
     without: [f64; 6],
     /// `c_ij`, zero on the diagonal; all equal to `det` where A is regular.
@@ -248,18 +268,38 @@ impl Factors {
         let mut adjugate = [[0.0; 6]; 6];
         for (w, c) in rows.iter().zip(&without) {
             for (out, left) in adjugate.iter_mut().zip(w) {
+                let left = c * left;
                 for (out, right) in out.iter_mut().zip(w) {
-                    *out += c * left * right;
+                    *out += left * right;
                 }
             }
         }
-        Self { rows, without, without_two, adjugate, det, singular }
+        let columns = std::array::from_fn(|j| std::array::from_fn(|i| rows[i][j]));
+        Self { columns, without, without_two, adjugate, det, singular }
     }
 
     /// `W x`.
     #[inline(always)]
     fn turned(&self, x: &[f64; 6]) -> [f64; 6] {
-        std::array::from_fn(|i| self.rows[i].iter().zip(x).map(|(w, x)| w * x).sum())
+        let mut out = [0.0; 6];
+        for (w, x) in self.columns.iter().zip(x) {
+            for (out, w) in out.iter_mut().zip(w) {
+                *out += w * x;
+            }
+        }
+        out
+    }
+
+    /// `W [x; 0]` or `W [0; x]`, by where the three columns of W begin.
+    #[inline(always)]
+    fn turned_half(&self, first: usize, x: &Vector3<f64>) -> [f64; 6] {
+        let mut out = [0.0; 6];
+        for (w, x) in self.columns[first..first + 3].iter().zip(x.iter()) {
+            for (out, w) in out.iter_mut().zip(w) {
+                *out += w * x;
+            }
+        }
+        out
     }
 }
 
@@ -324,27 +364,33 @@ fn det_gradient(columns: &Columns<'_>, factors: &Factors, out: &mut [f64]) {
     }
 }
 
-/// `sum_j P_j . d2 column_j / d q_k d q_l` for `k <= l`, handed to `add`.
-fn second_order(columns: &Columns<'_>, factors: &Factors, mut add: impl FnMut(usize, usize, f64)) {
+/// `sum_j P_j . d2 column_j / d q_k d q_l` for `k <= l`, handed to `add`; `p` as forces and torques.
+#[inline(always)]
+fn second_order(
+    columns: &Columns<'_>,
+    p: &[(Vector3<f64>, Vector3<f64>)],
+    mut add: impl FnMut(usize, usize, f64),
+) {
     let kinematics = columns.kinematics;
-    let n = columns.len();
+    let n = p.len();
     let (w, v) = (|i| kinematics.angular(i), |i| kinematics.linear(i));
-    // x . (M y) - (x . y) tr M = sum of x . (b x (a x y)) over M = sum of a b^T, the form of every term.
-    let form = |m: &Matrix3<f64>, x: Vector3<f64>, y: Vector3<f64>| x.dot(&(m * y)) - x.dot(&y) * m.trace();
+    // M y - y tr M: times x it is the sum of x . (b x (a x y)) over M = sum of a b^T, the form of every term.
+    let form = |m: &Matrix3<f64>, y: Vector3<f64>| m * y - y * m.trace();
     // Joints j up to k, and for carried axes those before k.
     let (mut moment, mut before) = (Vector3::zeros(), Matrix3::zeros());
     for k in 0..n {
-        let (force, torque) = columns.weighed(factors, k);
+        let (force, torque) = p[k];
         moment += force.cross(&w(k));
-        let mut between = Matrix3::zeros();
+        let turned = moment.cross(&w(k));
+        let carried = if columns.carried { form(&before.transpose(), w(k)) } else { Vector3::zeros() };
+        // M w_k and tr M for the joints between.
+        let (mut between, mut trace) = (Vector3::zeros(), 0.0);
         for l in k..n {
             if l > k {
-                between += columns.weighed(factors, l).0 * w(l).transpose();
+                between += p[l].0 * w(l).dot(&w(k));
+                trace += p[l].0.dot(&w(l));
             }
-            let mut sum = w(k).cross(&v(l)).dot(&moment) - form(&between, v(l), w(k));
-            if columns.carried {
-                sum += form(&before, w(k), w(l));
-            }
+            let sum = v(l).dot(&(turned - between + w(k) * trace)) + w(l).dot(&carried);
             add(k, l, sum);
         }
         before += torque * w(k).transpose();
@@ -352,10 +398,11 @@ fn second_order(columns: &Columns<'_>, factors: &Factors, mut add: impl FnMut(us
     // Joints j beyond l.
     let mut after = Matrix3::zeros();
     for l in (0..n).rev() {
+        let bent = form(&after.transpose(), w(l));
         for k in 0..=l {
-            add(k, l, form(&after, w(l), w(k)));
+            add(k, l, w(k).dot(&bent));
         }
-        let (force, torque) = columns.weighed(factors, l);
+        let (force, torque) = p[l];
         after += force * v(l).transpose();
         if !columns.carried {
             after += torque * w(l).transpose();
@@ -363,21 +410,59 @@ fn second_order(columns: &Columns<'_>, factors: &Factors, mut add: impl FnMut(us
     }
 }
 
+/// Joints up to which the intermediate results of a Hessian lie on the stack.
+const STACK_JOINTS: usize = 8;
+
+/// What a Hessian is put together from.
+struct Parts<'a> {
+    /// `adj(A) J` as forces and torques (n).
+    weighed: &'a mut [(Vector3<f64>, Vector3<f64>)],
+    /// `W J` (n).
+    turned: &'a mut [[f64; 6]],
+    /// `W dJ_j / dq_k` at `k n + j`.
+    rates: &'a mut [[f64; 6]],
+    /// `B_k` (n), see the module.
+    b: &'a mut [[[f64; 6]; 6]],
+}
+
 /// The Hessian of `det(J J^T)`.
 fn det_hessian(columns: &Columns<'_>, factors: &Factors, out: &mut DMatrix<f64>) {
+    let zero = (Vector3::zeros(), Vector3::zeros());
     let n = columns.len();
-    out.fill(0.0);
-    second_order(columns, factors, |k, l, sum| out[(k, l)] += 2.0 * sum);
-    let turned: Vec<[f64; 6]> = (0..n).map(|j| factors.turned(&columns.column(j))).collect();
-    // For each joint: W J_k column by column, and B_k with its trace-like row sums.
-    let mut rates = vec![[0.0; 6]; n * n];
-    let mut bs = vec![[[0.0; 6]; 6]; n];
-    for k in 0..n {
-        let b = &mut bs[k];
-        for (j, rate) in rates[k * n..(k + 1) * n].iter_mut().enumerate() {
-            *rate = factors.turned(&columns.derivative(j, k));
-            for (row, x) in b.iter_mut().zip(rate.iter()) {
-                for (entry, y) in row.iter_mut().zip(&turned[j]) {
+    if n <= STACK_JOINTS {
+        const N: usize = STACK_JOINTS;
+        let (mut weighed, mut turned) = ([zero; N], [[0.0; 6]; N]);
+        let (mut rates, mut b) = ([[0.0; 6]; N * N], [[[0.0; 6]; 6]; N]);
+        let parts = Parts {
+            weighed: &mut weighed[..n],
+            turned: &mut turned[..n],
+            rates: &mut rates[..n * n],
+            b: &mut b[..n],
+        };
+        det_hessian_with(columns, factors, parts, out);
+    } else {
+        let (mut weighed, mut turned) = (vec![zero; n], vec![[0.0; 6]; n]);
+        let (mut rates, mut b) = (vec![[0.0; 6]; n * n], vec![[[0.0; 6]; 6]; n]);
+        let parts = Parts { weighed: &mut weighed, turned: &mut turned, rates: &mut rates, b: &mut b };
+        det_hessian_with(columns, factors, parts, out);
+    }
+}
+
+fn det_hessian_with(columns: &Columns<'_>, factors: &Factors, parts: Parts<'_>, out: &mut DMatrix<f64>) {
+    let Parts { weighed, turned, rates, b } = parts;
+    let n = columns.len();
+    for j in 0..n {
+        weighed[j] = columns.weighed(factors, j);
+        turned[j] = factors.turned(&columns.column(j));
+    }
+    let entries = out.as_mut_slice();
+    entries.fill(0.0);
+    second_order(columns, weighed, |k, l, sum| entries[l * n + k] += 2.0 * sum);
+    columns.turned_derivatives(factors, rates);
+    for (b, rates) in b.iter_mut().zip(rates.chunks_exact(n)) {
+        for (rate, turned) in rates.iter().zip(&*turned) {
+            for (row, x) in b.iter_mut().zip(rate) {
+                for (entry, y) in row.iter_mut().zip(turned) {
                     *entry += x * y;
                 }
             }
@@ -390,32 +475,36 @@ fn det_hessian(columns: &Columns<'_>, factors: &Factors, out: &mut DMatrix<f64>)
         }
     }
     for l in 0..n {
-        let mut scaled = bs[l];
+        let mut scaled = b[l];
         let mut diagonal = [0.0; 6];
         for ((row, c), sum) in scaled.iter_mut().zip(&factors.without_two).zip(&mut diagonal) {
             for (i, (entry, c)) in row.iter_mut().zip(c).enumerate() {
-                *sum += c * bs[l][i][i];
+                *sum += c * b[l][i][i];
                 *entry *= c;
             }
         }
         for k in 0..=l {
-            let mut sum = 0.0;
-            for i in 0..6 {
-                sum += bs[k][i][i] * diagonal[i];
-                for (b, c) in bs[k][i].iter().zip(&scaled[i]) {
-                    sum -= b * c;
+            let mut products = [0.0; 6];
+            for (row, scaled) in b[k].iter().zip(&scaled) {
+                for (product, (x, y)) in products.iter_mut().zip(row.iter().zip(scaled)) {
+                    *product -= x * y;
                 }
             }
-            let (left, right) = (&rates[k * n..(k + 1) * n], &rates[l * n..(l + 1) * n]);
+            for (i, product) in products.iter_mut().enumerate() {
+                *product += b[k][i][i] * diagonal[i];
+            }
             let mut squares = [0.0; 6];
-            for (x, y) in left.iter().zip(right) {
+            for (x, y) in rates[k * n..(k + 1) * n].iter().zip(&rates[l * n..(l + 1) * n]) {
                 for (s, (x, y)) in squares.iter_mut().zip(x.iter().zip(y)) {
                     *s += x * y;
                 }
             }
-            sum += 2.0 * squares.iter().zip(&factors.without).map(|(s, c)| s * c).sum::<f64>();
-            out[(k, l)] += sum;
-            out[(l, k)] = out[(k, l)];
+            let mut sum = 0.0;
+            for ((product, square), c) in products.iter().zip(&squares).zip(&factors.without) {
+                sum += product + 2.0 * square * c;
+            }
+            entries[l * n + k] += sum;
+            entries[k * n + l] = entries[l * n + k];
         }
     }
 }
@@ -445,10 +534,36 @@ impl Criterion for Manipulability {
 
     fn gradient_at(&self, _q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
         let columns = Columns::new(self.task, kinematics);
+        self.gradient_from(&columns, &Factors::new(&columns), out);
+    }
+
+    fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {
+        let mut scratch = Scratch::new(&self.chain);
+        let kinematics = self.chain.kinematics_unchecked(q, &mut scratch);
+        let columns = Columns::new(self.task, &kinematics);
+        self.hessian_from(&columns, &Factors::new(&columns), out);
+    }
+
+    fn second_order_at(
+        &self,
+        _q: &[f64],
+        kinematics: &Kinematics<'_>,
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) {
+        let columns = Columns::new(self.task, kinematics);
         let factors = Factors::new(&columns);
-        det_gradient(&columns, &factors, out);
+        self.gradient_from(&columns, &factors, gradient);
+        self.hessian_from(&columns, &factors, hessian);
+    }
+}
+
+impl Manipulability {
+    fn gradient_from(&self, columns: &Columns<'_>, factors: &Factors, out: &mut [f64]) {
+        let kinematics = columns.kinematics;
+        det_gradient(columns, factors, out);
         let (f, f1, _) = self.angles(kinematics);
-        let (factor, _) = self.outer(&factors, f * factors.det);
+        let (factor, _) = self.outer(factors, f * factors.det);
         for (k, out) in out.iter_mut().enumerate() {
             *out *= f;
             if f1 != 0.0 {
@@ -458,29 +573,32 @@ impl Criterion for Manipulability {
         }
     }
 
-    fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {
-        let n = self.chain.dof();
-        let mut scratch = Scratch::new(&self.chain);
-        let kinematics = self.chain.kinematics_unchecked(q, &mut scratch);
-        let columns = Columns::new(self.task, &kinematics);
-        let factors = Factors::new(&columns);
-        det_hessian(&columns, &factors, out);
-        let (f, f1, f2) = self.angles(&kinematics);
-        let (factor, square) = self.outer(&factors, f * factors.det);
+    fn hessian_from(&self, columns: &Columns<'_>, factors: &Factors, out: &mut DMatrix<f64>) {
+        let (n, kinematics) = (columns.len(), columns.kinematics);
+        det_hessian(columns, factors, out);
+        let (f, f1, f2) = self.angles(kinematics);
+        let (factor, square) = self.outer(factors, f * factors.det);
         if self.task.kind() == TaskKind::PoseRpy || square != 0.0 {
-            let mut slope = vec![0.0; n];
-            det_gradient(&columns, &factors, &mut slope);
-            let z: Vec<f64> = (0..n).map(|k| tilt_rate(&kinematics, k)).collect();
+            let (mut stack, mut heap) = ([0.0; STACK_JOINTS], Vec::new());
+            let slope = match stack.get_mut(..n) {
+                Some(slope) => slope,
+                None => {
+                    heap.resize(n, 0.0);
+                    &mut heap[..]
+                }
+            };
+            det_gradient(columns, factors, slope);
+            let z = |k: usize| tilt_rate(kinematics, k);
             for l in 0..n {
                 for k in 0..=l {
-                    let bent = f2 * z[k] * z[l] + f1 * tilt_acceleration(&kinematics, k, l);
-                    let w = f * out[(k, l)] + f1 * (slope[k] * z[l] + slope[l] * z[k]) + factors.det * bent;
-                    let [wk, wl] = [k, l].map(|i| f * slope[i] + factors.det * f1 * z[i]);
+                    let bent = f2 * z(k) * z(l) + f1 * tilt_acceleration(kinematics, k, l);
+                    let w = f * out[(k, l)] + f1 * (slope[k] * z(l) + slope[l] * z(k)) + factors.det * bent;
+                    let [wk, wl] = [k, l].map(|i| f * slope[i] + factors.det * f1 * z(i));
                     out[(k, l)] = factor * w + square * wk * wl;
                     out[(l, k)] = out[(k, l)];
                 }
             }
-        } else {
+        } else if factor != 1.0 {
             *out *= factor;
         }
     }

@@ -102,6 +102,19 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
     /// Writes d2h/dq2 to `out` (n, n).
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>);
 
+    /// Writes dh/dq (n) and d2h/dq2 (n, n) with `kinematics` as for [`Criterion::gradient_at`]: what both are made from is
+    /// computed once.
+    fn second_order_at(
+        &self,
+        q: &[f64],
+        kinematics: &Kinematics<'_>,
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) {
+        self.gradient_at(q, kinematics, gradient);
+        self.hessian(q, hessian);
+    }
+
     /// `h = sum_i weight_i / 2 (q_i - center_i)^2 + constant`, where it has this form: then its optimum over a circle
     /// of solutions is found with bounds that prove it.
     fn springs(&self) -> Option<Vec<JointSpring>> {

@@ -113,6 +113,11 @@ impl<'a> Stationarity<'a> {
         } else {
             self.criterion.get().gradient(q, &mut self.gradient);
         }
+        self.factor();
+    }
+
+    /// Computes N, lambda and mu from J and grad h.
+    fn factor(&mut self) {
         self.null.factor(&self.jacobian);
         self.null.multipliers(&self.gradient, &mut self.multipliers);
         for (mu, n) in self.mu.iter_mut().zip(self.null.basis().column_iter()) {
@@ -122,43 +127,71 @@ impl<'a> Stationarity<'a> {
 
     /// Computes all of [`first_order`](Self::first_order), and L and W.
     pub fn second_order(&mut self, q: &[f64]) {
-        self.first_order(q);
-        self.criterion.get().hessian(q, &mut self.lagrangian);
-        let of_criterion = self.lagrangian.norm();
         let kinematics = self.chain.kinematics_unchecked(q, &mut self.scratch);
-        // lambda . M = (force, moment) with M the map from velocities of the tool to those of the task.
-        let (force, moment) = twist_of(&self.task, kinematics.pose(), &self.multipliers);
-        let pointing = self.task.kind() == TaskKind::Pointing;
-        let n = self.chain.dof();
-        let mut squared = 0.0;
-        for l in 0..n {
-            let (across, turn) = (kinematics.linear(l).cross(&force), kinematics.angular(l).cross(&moment));
-            for j in 0..=l {
-                // force . (w_j x v_l), symmetric; moment . (w_j x w_l) in the row of the later joint, for a tool that
-                // spins freely (its directions u, w are carried along) in that of the earlier one.
-                let axis = kinematics.angular(j);
-                let (linear, angular) = (axis.dot(&across), axis.dot(&turn));
-                let (upper, lower) =
-                    if pointing { (linear + angular, linear) } else { (linear, linear + angular) };
-                self.lagrangian[(j, l)] -= upper;
-                squared += upper * upper;
-                if j < l {
-                    self.lagrangian[(l, j)] -= lower;
-                    squared += lower * lower;
-                }
+        self.task.write_jacobian(&kinematics, &mut self.jacobian);
+        let criterion = self.criterion.get();
+        if self.own_kinematics {
+            criterion.second_order_at(q, &kinematics, &mut self.gradient, &mut self.lagrangian);
+        } else {
+            criterion.gradient(q, &mut self.gradient);
+            criterion.hessian(q, &mut self.lagrangian);
+        }
+        self.factor();
+        let of_criterion = self.lagrangian.norm();
+        let squared = match self.chain.dof() {
+            // The commonest size once more, where the compiler knows it.
+            7 => self.bend(7),
+            n => self.bend(n),
+        };
+        self.scale = of_criterion + squared.sqrt();
+        let (n, basis) = (self.chain.dof(), self.null.basis());
+        for (a, column) in basis.column_iter().enumerate() {
+            for j in 0..n {
+                let of_lagrangian = &self.lagrangian.as_slice()[j * n..(j + 1) * n];
+                self.mu_jacobian[(a, j)] = column.iter().zip(of_lagrangian).map(|(n, l)| n * l).sum();
             }
         }
-        self.scale = of_criterion + squared.sqrt();
-        let basis = self.null.basis();
-        basis.tr_mul_to(&self.lagrangian, &mut self.mu_jacobian);
-        self.mu_jacobian.mul_to(basis, &mut self.reduced);
         // Symmetric up to rounding.
-        for a in 0..self.reduced.nrows() {
-            for b in 0..a {
-                let mean = 0.5 * (self.reduced[(a, b)] + self.reduced[(b, a)]);
+        for (a, left) in basis.column_iter().enumerate() {
+            for (b, right) in basis.column_iter().enumerate().take(a + 1) {
+                let rows = (self.mu_jacobian.row(a), self.mu_jacobian.row(b));
+                let one: f64 = rows.0.iter().zip(right.iter()).map(|(l, n)| l * n).sum();
+                let other: f64 = rows.1.iter().zip(left.iter()).map(|(l, n)| l * n).sum();
+                let mean = 0.5 * (one + other);
                 (self.reduced[(a, b)], self.reduced[(b, a)]) = (mean, mean);
             }
         }
+    }
+
+    /// Subtracts `sum_k lambda_k Hess f_k` from the Hessian of the criterion for a chain of `n` joints; the sum of
+    /// the squares of what was subtracted.
+    #[inline(always)]
+    fn bend(&mut self, n: usize) -> f64 {
+        // lambda . M = (force, moment) with M the map from velocities of the tool to those of the task.
+        let (force, moment) = twist_of(&self.task, self.scratch.pose(), &self.multipliers);
+        let pointing = self.task.kind() == TaskKind::Pointing;
+        let columns = &self.scratch.columns()[..n];
+        let lagrangian = &mut self.lagrangian.as_mut_slice()[..n * n];
+        let mut squared = [0.0; 2];
+        for (l, column) in columns.iter().enumerate() {
+            let [linear, angular] = split(column);
+            let (across, turn) = (linear.cross(&force), angular.cross(&moment));
+            for (j, axis) in columns[..=l].iter().enumerate() {
+                // force . (w_j x v_l), symmetric; moment . (w_j x w_l) in the row of the later joint, for a tool that
+                // spins freely (its directions u, w are carried along) in that of the earlier one.
+                let axis = split(axis)[1];
+                let (linear, angular) = (axis.dot(&across), axis.dot(&turn));
+                let (upper, lower) =
+                    if pointing { (linear + angular, linear) } else { (linear, linear + angular) };
+                lagrangian[l * n + j] -= upper;
+                squared[0] += upper * upper;
+                if j < l {
+                    lagrangian[j * n + l] -= lower;
+                    squared[1] += lower * lower;
+                }
+            }
+        }
+        squared[0] + squared[1]
     }
 
     /// The chain, cheaply cloned: what is read from it does not hold on to this memory.
@@ -225,6 +258,13 @@ impl<'a> Stationarity<'a> {
     pub fn scale(&self) -> f64 {
         self.scale
     }
+}
+
+/// Linear and angular part of a column of the Jacobian.
+#[inline(always)]
+fn split(column: &[f64; 6]) -> [Vector3<f64>; 2] {
+    let [x, y, z, a, b, c] = *column;
+    [Vector3::new(x, y, z), Vector3::new(a, b, c)]
 }
 
 /// Checks that `task` leaves the chain a freedom.

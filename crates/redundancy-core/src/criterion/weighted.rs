@@ -112,6 +112,25 @@ impl Criterion for Weighted {
         }
     }
 
+    fn second_order_at(
+        &self,
+        q: &[f64],
+        kinematics: &Kinematics<'_>,
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) {
+        let mut one = (vec![0.0; self.dof], DMatrix::zeros(self.dof, self.dof));
+        gradient.fill(0.0);
+        hessian.fill(0.0);
+        for (factor, h) in &self.terms {
+            h.second_order_at(q, kinematics, &mut one.0, &mut one.1);
+            gradient.iter_mut().zip(&one.0).for_each(|(out, g)| *out += factor * g);
+            for (out, x) in hessian.iter_mut().zip(one.1.iter()) {
+                *out += factor * x;
+            }
+        }
+    }
+
     fn springs(&self) -> Option<Vec<JointSpring>> {
         // The sum of w/2 (q - c)^2 is one spring with the summed weight at the weighted mean, plus a constant.
         let mut total = vec![(0.0, 0.0); self.dof];

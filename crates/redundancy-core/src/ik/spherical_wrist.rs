@@ -28,7 +28,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use wide::f64x4;
+use wide::{CmpGt, f64x4};
 
 use super::complex::{Complex, complex};
 use super::wrist_geometry::WristGeometry;
@@ -363,20 +363,20 @@ impl SphericalWristArm {
         if side == 0.0 {
             mask &= 0x0f; // in front is behind
         }
-        let mut pairs = [[[0.0; 2]; 4]; 3];
-        for (shoulder, (base, _, fore)) in halves.iter().enumerate() {
-            let m = turned_z(&target.tool, *base);
-            for (elbow, fore) in fore.iter().enumerate() {
-                let n = g.wrist_frame * turned_y(&m, *fore);
-                let h = (n.m13 * n.m13 + n.m23 * n.m23).sqrt();
-                let (c, s) = if h > GIMBAL_SINE { (n.m13 / h, n.m23 / h) } else { (1.0, 0.0) };
-                let row = 2 * shoulder + elbow;
-                pairs[0][row] = [s, c];
-                pairs[1][row] = [h, n.m33];
-                pairs[2][row] = [c * n.m21 - s * n.m11, c * n.m22 - s * n.m12];
-            }
-        }
-        let wrist = pairs.map(arc_tangents);
+        // The wrist of all four arms at once, lane 2 shoulder + elbow.
+        let lanes = |of: fn(&(Complex, [[f64; 4]; 2], [Complex; 2]), usize) -> f64| {
+            let [front, behind] = &halves;
+            f64x4::new([of(front, 0), of(front, 1), of(behind, 0), of(behind, 1)])
+        };
+        let base = [lanes(|half, _| half.0.re), lanes(|half, _| half.0.im)];
+        let fore = [lanes(|half, elbow| half.2[elbow].re), lanes(|half, elbow| half.2[elbow].im)];
+        let n = WristLanes::new(&g.wrist_frame, &target.tool, base, fore);
+        let h = (n.axis[0] * n.axis[0] + n.axis[1] * n.axis[1]).sqrt();
+        let passes = h.cmp_gt(f64x4::splat(GIMBAL_SINE));
+        let c = passes.blend(n.axis[0] / h, f64x4::splat(1.0));
+        let s = passes.blend(n.axis[1] / h, f64x4::splat(0.0));
+        let [sin, cos] = n.across(&g.wrist_frame, c, s);
+        let wrist = [s.atan2(c).to_array(), h.atan2(n.axis[2]).to_array(), sin.atan2(cos).to_array()];
         for (shoulder, (_, angles, _)) in halves.iter().enumerate() {
             for (elbow, angles) in angles.iter().enumerate() {
                 let row = 2 * shoulder + elbow;
@@ -525,26 +525,37 @@ impl SphericalWristArm {
     }
 }
 
-/// `Rz(-angle) m` for `turn = exp(i angle)`.
-#[inline(always)]
-fn turned_z(m: &Matrix3<f64>, turn: Complex) -> Matrix3<f64> {
-    let (c, s) = (turn.re, turn.im);
-    let mut out = *m;
-    for j in 0..3 {
-        out[(0, j)] = c * m[(0, j)] + s * m[(1, j)];
-        out[(1, j)] = c * m[(1, j)] - s * m[(0, j)];
-    }
-    out
+/// The turn of the tool against the forearm of four arms, `F Ry(-fore) Rz(-base) tool`, as far as a wrist needs it.
+struct WristLanes {
+    /// Its third column.
+    axis: [f64x4; 3],
+    /// Columns 1 and 2 of `Ry(-fore) Rz(-base) tool`.
+    columns: [[f64x4; 3]; 2],
 }
 
-/// `Ry(-angle) m` for `turn = exp(i angle)`.
-#[inline(always)]
-fn turned_y(m: &Matrix3<f64>, turn: Complex) -> Matrix3<f64> {
-    let (c, s) = (turn.re, turn.im);
-    let mut out = *m;
-    for j in 0..3 {
-        out[(0, j)] = c * m[(0, j)] - s * m[(2, j)];
-        out[(2, j)] = s * m[(0, j)] + c * m[(2, j)];
+impl WristLanes {
+    #[inline(always)]
+    fn new(frame: &Matrix3<f64>, tool: &Matrix3<f64>, base: [f64x4; 2], fore: [f64x4; 2]) -> Self {
+        let [[c1, s1], [c, s]] = [base, fore];
+        let turned = |j: usize| {
+            let [x, y, z] = [0, 1, 2].map(|i| f64x4::splat(tool[(i, j)]));
+            let (x, y) = (c1 * x + s1 * y, c1 * y - s1 * x);
+            [c * x - s * z, y, s * x + c * z]
+        };
+        let last = turned(2);
+        let row = |i: usize| {
+            let [a, b, c] = [0, 1, 2].map(|k| f64x4::splat(frame[(i, k)]));
+            a * last[0] + b * last[1] + c * last[2]
+        };
+        Self { axis: [row(0), row(1), row(2)], columns: [turned(0), turned(1)] }
     }
-    out
+
+    /// Entries 1 and 2 of the row `c F_2 - s F_1` of the turn.
+    #[inline(always)]
+    fn across(&self, frame: &Matrix3<f64>, c: f64x4, s: f64x4) -> [f64x4; 2] {
+        let row = [0, 1, 2].map(|k| c * f64x4::splat(frame[(1, k)]) - s * f64x4::splat(frame[(0, k)]));
+        let [first, second] = &self.columns;
+        let dot = |v: &[f64x4; 3]| row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+        [dot(first), dot(second)]
+    }
 }

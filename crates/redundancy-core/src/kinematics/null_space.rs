@@ -56,33 +56,42 @@ impl NullSpace {
     /// # Panics
     /// Never for `m n` numbers; what is missing counts as zero.
     pub fn factor(&mut self, jacobian: &[f64]) {
-        let (m, n) = (self.m, self.n);
-        self.columns.fill(0.0);
+        // The commonest size once more, where the compiler knows it.
+        match (self.m, self.n) {
+            (6, 7) => self.factor_sized(jacobian, 6, 7),
+            (m, n) => self.factor_sized(jacobian, m, n),
+        }
+    }
+
+    #[inline(always)]
+    fn factor_sized(&mut self, jacobian: &[f64], m: usize, n: usize) {
+        let columns = &mut self.columns[..m * n];
+        columns.fill(0.0);
         for (j, column) in jacobian.chunks_exact(m.max(1)).take(n).enumerate() {
             for (i, entry) in column.iter().enumerate() {
-                self.columns[i * n + j] = *entry;
+                columns[i * n + j] = *entry;
             }
         }
-        let mut positive = m % 2 == 0;
+        let mut positive = m.is_multiple_of(2);
         for (i, order) in self.order.iter_mut().enumerate() {
             *order = i;
         }
         for k in 0..m {
-            let mut pivot = (k, squared(&self.columns[k * n + k..(k + 1) * n]));
+            let mut pivot = (k, squared(&columns[k * n + k..(k + 1) * n]));
             for i in k + 1..m {
-                let norm = squared(&self.columns[i * n + k..(i + 1) * n]);
+                let norm = squared(&columns[i * n + k..(i + 1) * n]);
                 if norm > pivot.1 {
                     pivot = (i, norm);
                 }
             }
             let (p, norm) = (pivot.0, pivot.1.sqrt());
             if p != k {
-                let (front, back) = self.columns.split_at_mut(p * n);
+                let (front, back) = columns.split_at_mut(p * n);
                 front[k * n..(k + 1) * n].swap_with_slice(&mut back[..n]);
                 self.order.swap(k, p);
                 positive = !positive;
             }
-            let (front, rest) = self.columns.split_at_mut((k + 1) * n);
+            let (front, rest) = columns.split_at_mut((k + 1) * n);
             let v = &mut front[k * n + k..];
             // The reflection maps the column to -sign(v0) |v| e0.
             let diagonal = if v[0] > 0.0 { -norm } else { norm };
@@ -102,7 +111,7 @@ impl NullSpace {
             column[m + c] = if n - m == 1 && !positive { -1.0 } else { 1.0 };
             let column = column.as_mut_slice();
             for k in (0..m).rev() {
-                reflect(&self.columns[k * n + k..(k + 1) * n], self.scale[k], &mut column[k..]);
+                reflect(&columns[k * n + k..(k + 1) * n], self.scale[k], &mut column[k..]);
             }
         }
     }
@@ -153,7 +162,6 @@ impl NullSpace {
 
     /// Smallest and largest singular value.
     pub fn singular_values(&mut self) -> [f64; 2] {
-        const SWEEPS: usize = 30;
         let (m, n) = (self.m, self.n);
         if m == 0 {
             return [0.0; 2];
@@ -168,32 +176,60 @@ impl NullSpace {
                 };
             }
         }
-        for _ in 0..SWEEPS {
-            let mut rotated = false;
-            for p in 0..m {
-                for q in p + 1..m {
-                    let (front, back) = self.triangle.split_at_mut(q * m);
-                    rotated |= orthogonalise(&mut front[p * m..(p + 1) * m], &mut back[..m]);
-                }
-            }
-            if !rotated {
-                break;
-            }
+        match m {
+            6 => extreme_norms(&mut self.triangle, 6, &mut self.work),
+            _ => extreme_norms(&mut self.triangle, m, &mut self.work),
         }
-        let norms = self.triangle.chunks_exact(m).map(|row| squared(row).sqrt());
-        norms.fold([f64::INFINITY, 0.0], |[least, most], norm| [least.min(norm), most.max(norm)])
     }
 }
 
+/// Makes the rows, `m` of `m` numbers, orthogonal to each other; the least and the largest norm.
+///
+/// The pairs are taken in the order of a round-robin tournament: those of one round have no row in common and are
+/// rotated side by side.
+#[inline(always)]
+fn extreme_norms(rows: &mut [f64], m: usize, norms: &mut [f64]) -> [f64; 2] {
+    const SWEEPS: usize = 30;
+    let players = m + m % 2;
+    for _ in 0..SWEEPS {
+        for (norm, row) in norms.iter_mut().zip(rows.chunks_exact(m)) {
+            *norm = squared(row);
+        }
+        let mut rotated = false;
+        for round in 0..players - 1 {
+            for table in 0..players / 2 {
+                // The last player stays, the others move on by one seat.
+                let seat = |i: usize| if i == 0 { players - 1 } else { (round + i) % (players - 1) };
+                let (a, b) = (seat(table), seat(players - 1 - table));
+                let (p, q) = (a.min(b), a.max(b));
+                if q < m {
+                    let (front, back) = rows.split_at_mut(q * m);
+                    let (above, below) = norms.split_at_mut(q);
+                    let pair = (&mut front[p * m..(p + 1) * m], &mut back[..m]);
+                    rotated |= orthogonalise(pair.0, pair.1, &mut above[p], &mut below[0]);
+                }
+            }
+        }
+        if !rotated {
+            break;
+        }
+    }
+    let norms = rows.chunks_exact(m).map(|row| squared(row).sqrt());
+    norms.fold([f64::INFINITY, 0.0], |[least, most], norm| [least.min(norm), most.max(norm)])
+}
+
+#[inline(always)]
 fn squared(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum()
 }
 
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `x -= scale v (v . x)`.
+#[inline(always)]
 fn reflect(v: &[f64], scale: f64, x: &mut [f64]) {
     let factor = scale * dot(v, x);
     for (x, v) in x.iter_mut().zip(v) {
@@ -201,18 +237,22 @@ fn reflect(v: &[f64], scale: f64, x: &mut [f64]) {
     }
 }
 
-/// Rotates two vectors in their plane until they are orthogonal; false where they are.
-fn orthogonalise(a: &mut [f64], b: &mut [f64]) -> bool {
-    let (alpha, beta, gamma) = (squared(a), squared(b), dot(a, b));
-    if gamma.abs() <= ORTHOGONAL * (alpha * beta).sqrt() {
+/// Rotates two vectors in their plane until they are orthogonal, and keeps their squared norms; false where they are.
+#[inline(always)]
+fn orthogonalise(a: &mut [f64], b: &mut [f64], alpha: &mut f64, beta: &mut f64) -> bool {
+    let gamma = dot(a, b);
+    if gamma * gamma <= ORTHOGONAL * ORTHOGONAL * *alpha * *beta {
         return false;
     }
-    let zeta = (beta - alpha) / (2.0 * gamma);
-    let t = if zeta == 0.0 { 1.0 } else { zeta.signum() / (zeta.abs() + zeta.hypot(1.0)) };
-    let cos = 1.0 / t.hypot(1.0);
+    // The smaller root of t^2 + 2 zeta t = 1 with zeta = (beta - alpha) / (2 gamma).
+    let (d, double) = (*beta - *alpha, 2.0 * gamma);
+    let t = double / (d + (d * d + double * double).sqrt().copysign(d));
+    let cos = 1.0 / (1.0 + t * t).sqrt();
     let sin = cos * t;
     for (a, b) in a.iter_mut().zip(b) {
         (*a, *b) = (cos * *a - sin * *b, sin * *a + cos * *b);
     }
+    *alpha -= t * gamma;
+    *beta += t * gamma;
     true
 }

@@ -38,6 +38,11 @@ impl Scratch {
     pub(crate) fn pose(&self) -> &Pose {
         &self.pose
     }
+
+    /// Columns of the Jacobian at the last `q`.
+    pub(crate) fn columns(&self) -> &[[f64; 6]] {
+        self.jacobian.as_slice().as_chunks::<6>().0
+    }
 }
 
 /// Pose and Jacobian at one `q`; only [`Chain::kinematics`] makes it, so they belong together.

@@ -208,19 +208,39 @@ pub fn rank_starts(
     settings.validate()?;
     check_orientation(path, &task)?;
     let points = constrained_optima(chain, &path.poses()[0], criterion, task, optima)?;
-    let mut starts = points
-        .into_par_iter()
-        .map(|point| {
-            let mut follower = Follower::new(chain, path, criterion, task, *settings)?;
-            // A point of the search lies on the path and is critical, whatever Newton's method makes of it again.
-            let start = match follower.start(&point.q) {
-                Ok(start) => start,
-                Err(error) => follower.take(point.q.clone()).ok_or(error)?,
-            };
-            Ok(RankedStart { point, followed: follower.run(start) })
-        })
-        .collect::<Result<Vec<_>>>()?;
-    let sense = criterion.sense();
+    let mut starts = follow_starts(chain, path, criterion, task, points, settings)?;
+    sort_starts(&mut starts, criterion.sense());
+    Ok(starts)
+}
+
+/// Follows each of the critical points over the start of `path`, side by side.
+///
+/// # Errors
+/// As [`follow_optimum`].
+pub fn follow_starts(
+    chain: &Chain,
+    path: &Path,
+    criterion: &dyn Criterion,
+    task: Task,
+    points: Vec<CriticalPoint>,
+    settings: &FollowSettings,
+) -> Result<Vec<RankedStart>> {
+    settings.validate()?;
+    check_orientation(path, &task)?;
+    let follow = |point: CriticalPoint| {
+        let mut follower = Follower::new(chain, path, criterion, task, *settings)?;
+        // A point of the search lies on the path and is critical, whatever Newton's method makes of it again.
+        let start = match follower.start(&point.q) {
+            Ok(start) => start,
+            Err(error) => follower.take(point.q.clone()).ok_or(error)?,
+        };
+        Ok(RankedStart { point, followed: follower.run(start) })
+    };
+    points.into_par_iter().map(follow).collect()
+}
+
+/// Sorts as [`rank_starts`] does.
+pub fn sort_starts(starts: &mut [RankedStart], sense: Sense) {
     let wanted = match sense {
         Sense::Minimize => Kind::Minimum,
         Sense::Maximize => Kind::Maximum,
@@ -233,7 +253,6 @@ pub fn rank_starts(
         let (a, b) = (key(a), key(b));
         b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)).then(a.2.total_cmp(&b.2))
     });
-    Ok(starts)
 }
 
 fn check_orientation(path: &Path, task: &Task) -> Result<()> {

@@ -3,8 +3,8 @@
 //! Over one pose a criterion h has critical points, where its derivative along the self-motion vanishes. Schemes that
 //! keep the arm at one, as the extended Jacobian does, follow it along a path until it meets another one and both
 //! vanish (an algorithmic singularity), or until the arm itself becomes singular. [`classify`] says what kind of point
-//! a configuration is, [`constrained_optima`] finds all of them over a pose, [`algorithmic_singularities`] finds where
-//! they vanish, and [`follow_optimum`] follows one along a path and says where it ends and why.
+//! a configuration is, [`constrained_optima`] finds all of them over a pose, [`algorithmic_singularities`] and
+//! [`singularity_curves`] find where they vanish, and [`follow_optimum`] follows one along a path and says where it ends and why.
 //!
 //! Source: [Park1996, sections 2 to 4], with corrections: definiteness is sufficient, and only semidefiniteness necessary (their theorem
 //! 3.1 says 'if and only if'); a maximum needs leading minors of alternating sign, not negative ones; their null-space
@@ -15,10 +15,13 @@ mod classify;
 mod critical_points;
 mod follow;
 mod singularity;
+mod singularity_curve;
 
 pub use classify::{Classification, Classifier, CofactorCondition, Kind, classify, cofactor_condition};
 pub use critical_points::{CriticalPoint, OptimaSettings, constrained_optima};
 pub use follow::{
-    FollowSettings, FollowedOptimum, RankedStart, Stop, distance_to_nearest, follow_optimum, rank_starts,
+    FollowSettings, FollowedOptimum, RankedStart, Stop, distance_to_nearest, follow_optimum, follow_starts,
+    rank_starts, sort_starts,
 };
-pub use singularity::{SingularPoint, SingularitySettings, algorithmic_singularities};
+pub use singularity::{SingularPoint, SingularitySearch, SingularitySettings, algorithmic_singularities};
+pub use singularity_curve::{SingularityCurve, SingularityTracer, singularity_curves};

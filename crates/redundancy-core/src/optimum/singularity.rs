@@ -3,7 +3,8 @@
 //! These are r + 1 equations for n joints, so the set has m - 1 dimensions [Park1996, lemma 4.2 ff.]. Where neither the
 //! criterion nor the self-motion depends on the first joint it is enough to look at one value of it; one dimension is
 //! lost. For tasks of two coordinates isolated points are left (each a circle about the base), for others the
-//! points found are samples of a set of [`SingularPoint::dimension`] dimensions.
+//! points found are samples of a set of [`SingularPoint::dimension`] dimensions; curves are followed by
+//! [`SingularitySearch::tracer`].
 //!
 //! Newton's method runs from many starts. `d mu = N^T L dq` is exact; the derivative of `det W`, a third derivative
 //! of h, is a central difference of a function that does not depend on the basis of the null space, so only the speed of
@@ -25,12 +26,17 @@ use crate::tolerance::{
     FOLLOW_DONE, SAME_SINGULARITY, SINGULARITY_DIFFERENCE, SINGULARITY_RANK, SINGULARITY_RESIDUAL,
 };
 
+/// Starts that are done side by side.
+const PIECE: usize = 64;
+/// Least number of starts before isolated points count as complete.
+const ENOUGH: usize = 256;
+
 /// Settings of [`algorithmic_singularities`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SingularitySettings {
     /// Seed of the random starts.
     pub seed: u64,
-    /// Number of random starts. Default 2000.
+    /// Most random starts; isolated points need fewer. Default 2000.
     pub starts: usize,
 }
 
@@ -75,69 +81,169 @@ pub fn algorithmic_singularities(
     task: Task,
     settings: &SingularitySettings,
 ) -> Result<Vec<SingularPoint>> {
-    if settings.starts > 1_000_000 {
-        let (what, value) = ("starts".into(), settings.starts as f64);
-        return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
-    }
-    let task = geometric(task);
-    let mut classifier = Classifier::new(chain, criterion, task)?;
-    let (n, r) = (chain.dof(), chain.dof() - task.dim());
-    let free = first_joint_is_free(&mut classifier, settings.seed);
-    let unknowns = n - usize::from(free);
-    if unknowns < r + 1 {
-        return Ok(Vec::new());
-    }
-    let starts: Vec<Vec<f64>> = random_configurations(chain, settings.seed, settings.starts).collect();
-    let found: Vec<SingularPoint> = starts
-        .into_par_iter()
-        .map_init(
-            || Search::new(classifier.clone(), free),
-            |search, mut q| {
-                if free {
-                    q[0] = 0.0;
-                }
-                search.newton(q)
-            },
-        )
-        .flatten()
-        .collect();
-    // In the order of the starts, so that the result does not depend on the number of threads.
-    let mut points: Vec<SingularPoint> = Vec::new();
-    let mut d = vec![0.0; n];
-    for point in found {
-        let known = points.iter().any(|other| {
-            short_way(chain, &other.q, &point.q, &mut d);
-            d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_SINGULARITY
-        });
-        if !known {
-            points.push(point);
-        }
-    }
-    points.sort_by(|a, b| {
-        let orders = a.q.iter().zip(&b.q).map(|(a, b)| a.total_cmp(b));
-        orders.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
-    });
-    Ok(points)
+    let mut search = SingularitySearch::new(chain, criterion, task, settings)?;
+    search.run(search.starts());
+    Ok(search.finish())
 }
 
-/// Whether mu and W stay when the first joint moves, measured at some configurations.
-fn first_joint_is_free(classifier: &mut Classifier<'_>, seed: u64) -> bool {
+/// [`algorithmic_singularities`] piece by piece, for callers that look for other things to do in between. The result
+/// does not depend on the pieces.
+#[derive(Debug)]
+pub struct SingularitySearch<'a> {
+    chain: &'a Chain,
+    classifier: Classifier<'a>,
+    free: bool,
+    /// Whether whole turns of the joints make no difference.
+    periodic: bool,
+    isolated: bool,
+    starts: Vec<Vec<f64>>,
+    /// Starts done.
+    done: usize,
+    /// Starts done when the last new point was found.
+    last_new: usize,
+    points: Vec<SingularPoint>,
+}
+
+impl<'a> SingularitySearch<'a> {
+    /// A search at its beginning.
+    ///
+    /// # Errors
+    /// As [`algorithmic_singularities`].
+    pub fn new(
+        chain: &'a Chain,
+        criterion: &'a dyn Criterion,
+        task: Task,
+        settings: &SingularitySettings,
+    ) -> Result<Self> {
+        if settings.starts > 1_000_000 {
+            let (what, value) = ("starts".into(), settings.starts as f64);
+            return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
+        }
+        let task = geometric(task);
+        let mut classifier = Classifier::new(chain, criterion, task)?;
+        let (n, r) = (chain.dof(), chain.dof() - task.dim());
+        const SHIFT: f64 = 0.7;
+        let mut shift = vec![0.0; n];
+        shift[0] = SHIFT;
+        let free = stays(&mut classifier, settings.seed, &shift);
+        for (shift, joint) in shift.iter_mut().zip(chain.steps()) {
+            *shift = if joint.rotational { std::f64::consts::TAU } else { 0.0 };
+        }
+        let periodic = stays(&mut classifier, settings.seed, &shift);
+        let unknowns = n - usize::from(free);
+        let count = if unknowns < r + 1 { 0 } else { settings.starts };
+        Ok(Self {
+            chain,
+            classifier,
+            free,
+            periodic,
+            isolated: unknowns == r + 1,
+            starts: random_configurations(chain, settings.seed, count).collect(),
+            done: 0,
+            last_new: 0,
+            points: Vec::new(),
+        })
+    }
+
+    /// How many starts are left at most.
+    pub fn starts(&self) -> usize {
+        self.starts.len() - self.done
+    }
+
+    /// Does up to `count` starts, rounded up to a whole number of pieces. Isolated points count as complete when three in
+    /// four starts, and at least 256, have found nothing new.
+    pub fn run(&mut self, count: usize) {
+        let end = self.starts.len().min(self.done.saturating_add(count));
+        while self.done < end {
+            if self.isolated && self.done >= (4 * self.last_new).max(ENOUGH) {
+                self.done = self.starts.len();
+                return;
+            }
+            let piece = &self.starts[self.done..self.starts.len().min(self.done + PIECE)];
+            let (classifier, free) = (&self.classifier, self.free);
+            let found: Vec<Option<SingularPoint>> = piece
+                .par_iter()
+                .map_init(
+                    || Search::new(classifier.clone(), free),
+                    |search, start| {
+                        let mut q = start.clone();
+                        if free {
+                            q[0] = 0.0;
+                        }
+                        search.newton(q)
+                    },
+                )
+                .collect();
+            // In the order of the starts, so that the result does not depend on the number of threads.
+            let mut d = vec![0.0; self.chain.dof()];
+            for (i, point) in found.into_iter().enumerate() {
+                let Some(point) = point else { continue };
+                let known = self.points.iter().any(|other| {
+                    short_way(self.chain, &other.q, &point.q, &mut d);
+                    d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_SINGULARITY
+                });
+                if !known {
+                    self.points.push(point);
+                    self.last_new = self.done + i + 1;
+                }
+            }
+            self.done += piece.len();
+        }
+    }
+
+    /// Dimension of the set without the first joint where that is free; `None` where there are more equations than joints.
+    pub fn dimension(&self) -> Option<usize> {
+        let r = self.chain.dof() - self.classifier.stationarity().task().dim();
+        (self.chain.dof() - usize::from(self.free)).checked_sub(r + 1)
+    }
+
+    /// Whether every value of the first joint gives a singular point.
+    pub fn first_joint_free(&self) -> bool {
+        self.free
+    }
+
+    pub(super) fn periodic(&self) -> bool {
+        self.periodic
+    }
+
+    pub(super) fn chain(&self) -> &'a Chain {
+        self.chain
+    }
+
+    /// Memory for Newton's method.
+    pub(super) fn newton(&self) -> Search<'a> {
+        Search::new(self.classifier.clone(), self.free)
+    }
+
+    /// What was found, sorted by joint values.
+    pub fn finish(mut self) -> Vec<SingularPoint> {
+        self.points.sort_by(|a, b| {
+            let orders = a.q.iter().zip(&b.q).map(|(a, b)| a.total_cmp(b));
+            orders.into_iter().find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        });
+        self.points
+    }
+}
+
+/// Whether mu and W stay when the joints move by `shift`, measured at some configurations.
+fn stays(classifier: &mut Classifier<'_>, seed: u64, shift: &[f64]) -> bool {
     const SAMPLES: usize = 6;
-    const SHIFT: f64 = 0.7;
     const SAME: f64 = 1e-9;
     let chain = classifier.stationarity().chain();
     random_configurations(&chain, seed, SAMPLES).all(|mut q| {
         classifier.kind_at(&q);
         let scale = classifier.stationarity().scale();
         let before = [classifier.eigenvalues().to_vec(), vec![classifier.residual()]].concat();
-        q[0] += SHIFT;
+        q.iter_mut().zip(shift).for_each(|(q, d)| *q += d);
         classifier.kind_at(&q);
         let after = classifier.eigenvalues().iter().chain(std::iter::once(&classifier.residual)).copied();
         before.iter().zip(after).all(|(a, b)| (a - b).abs() <= SAME * scale)
     })
 }
 
-struct Search<'a> {
+/// Newton's method on `[mu; det W]`.
+#[derive(Debug)]
+pub(super) struct Search<'a> {
     classifier: Classifier<'a>,
     first: usize,
     null: NullSpace,
@@ -169,8 +275,19 @@ impl<'a> Search<'a> {
         if w.nrows() == 1 { w[(0, 0)] } else { w.determinant() }
     }
 
+    /// Unit vector along the set at the last step, without the first joint where that is free.
+    pub fn tangent(&self) -> Vec<f64> {
+        self.null.basis().column(0).iter().copied().collect()
+    }
+
+    /// Smallest over largest singular value of the task Jacobian at `q`.
+    pub fn rank(&mut self, q: &[f64]) -> f64 {
+        self.classifier.kind_at(q);
+        self.classifier.sigma_ratio()
+    }
+
     /// One Newton step of at most `reach`; its length before the bound.
-    fn step(&mut self, q: &mut [f64], reach: f64) -> Option<f64> {
+    pub fn step(&mut self, q: &mut [f64], reach: f64) -> Option<f64> {
         let (n, r) = (q.len(), self.rest.len() - 1);
         let mut slope = vec![0.0; n - self.first];
         for (slope, j) in slope.iter_mut().zip(self.first..n) {

@@ -6,14 +6,9 @@
 //! hold for `Q` of any length, `normalise(Q - a g)` is done by carrying the square of the length along.
 //! In rotation vectors the gradient is half of `g`.
 //!
-//! For two cones on one body axis the same iteration runs on the rotated axis `z` alone: with `p` the part of
-//! `a sum k_i d_i / m_i` perpendicular to `z` it moves to `((1 - p^2) z + 2 p) / (1 + p^2)`, where even the quotient is
-//! left out by carrying the length `1 + p^2` along. The products of `z` with both directions follow from their own last
-//! values, so the iteration is one of scalars.
-//!
 //! [FromGravdahl2009, eqs. (39), (40), (44)] with the ground truth's corrections.
 
-use nalgebra::{Matrix4, Quaternion, Unit, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Matrix4, Quaternion, Unit, UnitQuaternion, Vector4};
 
 use crate::Status;
 use crate::rotation::barrier::Barrier;
@@ -167,135 +162,8 @@ fn spin_forms(spin: &Spin) -> (Vector4<f64>, Vector4<f64>) {
     (e.coords, along.coords)
 }
 
-/// The iteration for cones on one body axis, seen on the rotated axis `z = y / norm`; `pull(y, norm)` is
-/// `sum k_i d_i / m_i / norm`. The length of `y` is carried along, so that nothing is divided by it.
-#[inline]
-pub(crate) fn descend_on_axis(
-    from: &Unit<Vector3<f64>>,
-    step: f64,
-    stop: f64,
-    limit: u32,
-    pull: impl Fn(&Vector3<f64>, f64) -> Option<Vector3<f64>>,
-) -> Option<(Vector3<f64>, Status, u32)> {
-    let (mut y, mut norm) = (from.into_inner(), 1.0);
-    let mut force = pull(&y, norm)?;
-    let stop = 4.0 * stop;
-    for iteration in 0..limit {
-        let along = y.dot(&force);
-        let scale = norm * norm;
-        let whole = scale * force.norm_squared();
-        let mut across = whole - along * along;
-        if across <= PLAIN_MARGIN * whole {
-            // Near the minimum the difference cancels.
-            across = (force * norm - y * (along / norm)).norm_squared();
-            if across <= stop {
-                return Some((y, Status::Converged, iteration));
-            }
-        }
-        let mut length = step;
-        loop {
-            let squared = length * length * across;
-            let trial = y * (1.0 - squared - 2.0 * length * along) + force * (2.0 * length * scale);
-            let grown = norm * (1.0 + squared);
-            if let Some(next) = pull(&trial, grown) {
-                (y, norm, force) = (trial, grown, next);
-                break;
-            }
-            length *= 0.5;
-            if length < step * f64::EPSILON {
-                return Some((y, Status::IterationLimit, iteration));
-            }
-        }
-        if norm > LONG {
-            y = y.normalize();
-            force *= norm;
-            norm = 1.0;
-        }
-    }
-    Some((y, Status::IterationLimit, limit))
-}
-
-/// Length of the axis, and squared length of the quaternion, at which it is normalised again.
+/// Squared length of the quaternion at which it is normalised again.
 const LONG: f64 = 4.0;
-
-/// Two cones on one body axis, neither of them tiny: margins as they are printed, `(d . z - cos) / 2`.
-pub(crate) struct TwoPulls {
-    /// Half of each direction.
-    pub directions: [Vector3<f64>; 2],
-    /// Half of each cosine.
-    pub cosines: [f64; 2],
-    /// Twice each weight.
-    pub weights: [f64; 2],
-}
-
-impl TwoPulls {
-    /// [`descend_on_axis`] by its shadow: the axis stays in the span of its start and of both directions, so its products
-    /// with the directions tell the next ones, and one iteration is a short chain of scalars.
-    pub(crate) fn descend(
-        &self,
-        from: &Unit<Vector3<f64>>,
-        step: f64,
-        stop: f64,
-        limit: u32,
-    ) -> Option<(Vector3<f64>, Status, u32)> {
-        let Self { directions: [d1, d2], cosines: [c1, c2], weights: [k1, k2] } = self;
-        let (g11, g12, g22) = (d1.norm_squared(), d1.dot(d2), d2.norm_squared());
-        // What pulls at y, as multiples of d1 and d2, from y . d1 and y . d2.
-        let pull = |p1: f64, p2: f64, norm: f64| {
-            let (m1, m2) = (p1 - c1 * norm, p2 - c2 * norm);
-            (m1 > 0.0 && m2 > 0.0).then(|| (k1 / m1, k2 / m2))
-        };
-        // The axis is a y + b1 d1 + b2 d2.
-        let (mut y, mut a, mut b1, mut b2) = (from.into_inner(), 1.0, 0.0, 0.0);
-        let (mut p1, mut p2, mut norm) = (y.dot(d1), y.dot(d2), 1.0);
-        let (mut f1, mut f2) = pull(p1, p2, norm)?;
-        let stop = 4.0 * stop;
-        for iteration in 0..limit {
-            let along = f1 * p1 + f2 * p2;
-            let scale = norm * norm;
-            let whole = scale * (f1 * f1 * g11 + 2.0 * f1 * f2 * g12 + f2 * f2 * g22);
-            let mut across = whole - along * along;
-            if across <= PLAIN_MARGIN * whole {
-                // Near the minimum the difference cancels.
-                let (force, axis) = (d1 * f1 + d2 * f2, y * a + d1 * b1 + d2 * b2);
-                across = (force * norm - axis * (along / norm)).norm_squared();
-                if across <= stop {
-                    return Some((axis, Status::Converged, iteration));
-                }
-            }
-            let mut length = step;
-            loop {
-                let squared = length * length * across;
-                let (keep, push) = (1.0 - squared - 2.0 * length * along, 2.0 * length * scale);
-                let (n1, n2) =
-                    (keep * p1 + push * (f1 * g11 + f2 * g12), keep * p2 + push * (f1 * g12 + f2 * g22));
-                let grown = norm * (1.0 + squared);
-                if let Some(next) = pull(n1, n2, grown) {
-                    (a, b1, b2) = (keep * a, keep * b1 + push * f1, keep * b2 + push * f2);
-                    (p1, p2, norm) = (n1, n2, grown);
-                    (f1, f2) = next;
-                    break;
-                }
-                length *= 0.5;
-                if length < step * f64::EPSILON {
-                    return Some((y * a + d1 * b1 + d2 * b2, Status::IterationLimit, iteration));
-                }
-            }
-            if norm > LONG || iteration % SHADOW_STEPS == SHADOW_STEPS - 1 {
-                (y, a, b1, b2) = ((y * a + d1 * b1 + d2 * b2).normalize(), 1.0, 0.0, 0.0);
-                (p1, p2, norm) = (y.dot(d1), y.dot(d2), 1.0);
-                match pull(p1, p2, norm) {
-                    Some(next) => (f1, f2) = next,
-                    None => return Some((y, Status::IterationLimit, iteration)),
-                }
-            }
-        }
-        Some((y * a + d1 * b1 + d2 * b2, Status::IterationLimit, limit))
-    }
-}
-
-/// Steps after which the axis is computed from its shadow again: their rounding does not add up beyond 1e-14.
-const SHADOW_STEPS: u32 = 64;
 
 #[cfg(test)]
 mod tests {

@@ -12,6 +12,7 @@
 //! | `arc` | [`TwoCones`]: two cones on one axis in closed form |
 //! | `start` | a feasible start, or the angle by which the sets miss |
 //! | `fixed_step` | the paper's iteration with a fixed step |
+//! | `on_axis` | fixed steps and Newton for cones on one body axis, on that axis alone |
 //! | `optimize` | [`OrientationOptimizer`], [`optimal_directions`] |
 //!
 //! Tangent vectors are rotation vectors (rad) in body axes: `q` moves to `q * exp(delta)`.
@@ -20,6 +21,7 @@ mod arc;
 mod barrier;
 mod cone;
 mod fixed_step;
+mod on_axis;
 mod optimize;
 mod quaternion;
 mod start;

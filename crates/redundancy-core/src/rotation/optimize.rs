@@ -12,7 +12,9 @@
 //! * **newton**: Riemannian Newton on S^3 in body coordinates, `q <- normalise(q * (1, delta/2))`. The Hessian is
 //!   factored; where it is not positive definite the spins' second derivatives are left out and the magnitudes of the
 //!   remaining eigenvalues are used, raised to [`HESSIAN_FLOOR`] of the largest. Steps with a small decrement are taken whole, others are measured, halved
-//!   while they do not decrease `phi` enough and doubled while that pays. No iterate leaves the sets.
+//!   while they do not decrease `phi` enough and doubled while that pays. No iterate leaves the sets. For two cones below
+//!   90 degrees on one body axis, with or without a spin about it, the problem is one of that axis alone, as in the
+//!   closed form, and Newton runs on its sphere.
 //! * **gradient**: the paper's, `Q <- normalise(Q - a grad phi(Q))`, [FromGravdahl2009, eq. (40)] with Q where print
 //!   has phi, normalised in every iteration: 'optimise freely, normalise afterwards' is unbounded below. The radial
 //!   part of the printed gradient only rescales `Q` before it is normalised and is left out. The step `a` is fixed,
@@ -47,7 +49,8 @@ use crate::error::{Error, Result, check_finite};
 use crate::rotation::arc::{TwoCones, on_arc};
 use crate::rotation::barrier::{self, Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Spin, unpack};
-use crate::rotation::fixed_step::{Forms, TwoPulls, descend_on_axis};
+use crate::rotation::fixed_step::Forms;
+use crate::rotation::on_axis::{TwoPulls, descend_on_axis};
 use crate::rotation::quaternion::{
     angle_between, compose, half_turn, nearest_sign, shortest_arc, swing_twist, unit_direction,
 };
@@ -466,7 +469,12 @@ impl OrientationOptimizer {
     ) -> Option<OrientationSolution> {
         let (q, status, iterations) = match self.method {
             OrientationMethod::Gradient => self.gradient_method(start),
-            _ => self.newton(start),
+            _ => {
+                if let Some((q, status, iterations)) = self.newton_on_axis(&start, q0) {
+                    return Some(self.finish(q, status, iterations));
+                }
+                self.newton(start)
+            }
         }?;
         Some(self.finish(self.canonical(q, q0), status, iterations))
     }
@@ -693,30 +701,45 @@ impl OrientationOptimizer {
         limit: u32,
     ) -> Option<Descent> {
         let from = start * axis;
-        let two = match &self.structure {
-            Structure::Axis { first, second: Some(second), .. } => Some((first, &second.direction)),
-            _ => None,
-        };
-        let wide =
-            |b: &Barrier| matches!(b.constraint(), Constraint::Cone(cone) if cone.scale() > PLAIN_MARGIN);
-        let (z, status, iterations) = match (two, self.barriers.as_slice()) {
-            (Some((d1, d2)), [one, two]) if wide(one) && wide(two) => {
-                let half_cosine = |b: &Barrier| match b.constraint() {
-                    Constraint::Cone(cone) => 0.5 - cone.scale(),
-                    Constraint::Spin(_) => f64::INFINITY,
-                };
-                let (d1, d2) = (0.5 * d1.into_inner(), 0.5 * d2.into_inner());
-                let (c1, c2) = (half_cosine(one), half_cosine(two));
-                let (k1, k2) = (2.0 * one.weight(), 2.0 * two.weight());
-                let pulls = TwoPulls { directions: [d1, d2], cosines: [c1, c2], weights: [k1, k2] };
-                pulls.descend(&from, step, stop, limit)
-            }
-            _ => {
+        let (z, status, iterations) = match self.two_pulls() {
+            Some(pulls) => pulls.descend(&from, step, stop, limit),
+            None => {
                 let pull = |y: &Vector3<f64>, norm: f64| Some(self.pull_on_axis(axis, &(y / norm))? / norm);
                 descend_on_axis(&from, step, stop, limit, pull)
             }
         }?;
         Some((compose(&shortest_arc(&from, &Unit::new_normalize(z)), &start), status, iterations))
+    }
+
+    /// The two cones of one body axis, when neither is so small that the printed margins would cancel.
+    fn two_pulls(&self) -> Option<TwoPulls> {
+        let Structure::Axis { first, second: Some(second), .. } = &self.structure else { return None };
+        let mut cones = self.barriers.iter().filter_map(|barrier| match barrier.constraint() {
+            Constraint::Cone(cone) if cone.scale() > PLAIN_MARGIN => {
+                Some((barrier.weight(), 0.5 - cone.scale()))
+            }
+            _ => None,
+        });
+        let ((k1, c1), (k2, c2)) = (cones.next()?, cones.next()?);
+        let directions = [first, &second.direction].map(|d| 0.5 * d.into_inner());
+        Some(TwoPulls { directions, cosines: [c1, c2], weights: [k1, k2] })
+    }
+
+    /// Newton for two cones below 90 degrees on one body axis, with or without a spin about it: on the sphere of the axis.
+    /// The spin's term depends on the twist alone and is least without one, as in the closed form.
+    fn newton_on_axis(
+        &self,
+        start: &UnitQuaternion<f64>,
+        q0: Option<&UnitQuaternion<f64>>,
+    ) -> Option<Descent> {
+        let Structure::Axis { axis, second: Some(Second { cones: Some(_), .. }), spin, .. } = &self.structure
+        else {
+            return None;
+        };
+        let tolerance = self.settings.tolerance.unwrap_or(ORIENTATION_STEP);
+        let limit = self.settings.max_iterations.unwrap_or(NEWTON_ITERATIONS);
+        let (z, status, iterations) = self.two_pulls()?.newton(&(start * axis), tolerance, limit)?;
+        Some((self.with_axis(axis, &z, spin.as_ref(), q0), status, iterations))
     }
 
     /// `sum k_i d_i / m_i` for cones on `axis`, which points along `z`; `None` outside.

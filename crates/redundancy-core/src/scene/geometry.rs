@@ -1,9 +1,11 @@
 //! The arm as rounded segments: what of it can touch an obstacle.
 
+use std::path::Path;
+
 use nalgebra::Vector3;
 
 use super::distance::Nearest;
-use crate::chain::{Chain, JointKind, axis_onto_z};
+use crate::chain::{Chain, CollisionBody, CollisionShape, JointKind, axis_onto_z};
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::Kinematics;
 use crate::pose::Pose;
@@ -32,8 +34,8 @@ pub(super) enum Ends {
     Carried(Vector3<f64>, Vector3<f64>),
 }
 
-/// The segments of an arm.
-#[derive(Debug, Clone, PartialEq)]
+/// The segments of an arm; none by default.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct LinkGeometry {
     capsules: Vec<LinkCapsule>,
 }
@@ -61,6 +63,66 @@ impl LinkGeometry {
             joints = (0..n).collect();
         }
         Ok(Self { capsules: joints.into_iter().map(|joint| capsule(chain, joint, radius)).collect() })
+    }
+
+    /// The primitive collision geometry of a URDF file, each body as the capsule around it: see
+    /// [`LinkGeometry::of_bodies`].
+    ///
+    /// # Errors
+    /// As of [`Chain::collision_from_urdf`], and a URDF without any collision geometry on the moving links.
+    pub fn from_urdf(chain: &Chain, path: impl AsRef<Path>) -> Result<Self> {
+        Self::of_bodies(chain, &chain.collision_from_urdf(path)?)
+    }
+
+    /// Collision bodies of the moving links, each as the capsule around it. Spheres and capsules are exact; a cylinder gets
+    /// half a ball on each end, a box the least capsule along its longest edge that holds it: never too small, so what
+    /// is clear is clear.
+    ///
+    /// # Errors
+    /// No body, sizes that are not finite.
+    ///
+    /// ```
+    /// use redundancy_core::chain::{Chain, MissingLimits};
+    /// use redundancy_core::scene::LinkGeometry;
+    /// let xml = r#"<robot name="r"> <link name="a"/>
+    ///   <link name="b"><collision><origin xyz="0 0 0.2"/><geometry><cylinder radius="0.05" length="0.4"/></geometry></collision></link>
+    ///   <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>
+    /// </robot>"#;
+    /// let chain = Chain::from_urdf_string(xml, None, None, MissingLimits::Refuse)?;
+    /// let arm = LinkGeometry::of_bodies(&chain, &chain.collision_from_urdf_string(xml)?)?;
+    /// assert_eq!((arm.capsules().len(), arm.capsules()[0].radius), (1, 0.05));
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
+    pub fn of_bodies(chain: &Chain, bodies: &[CollisionBody]) -> Result<Self> {
+        if bodies.is_empty() {
+            return Err(Error::Description(format!(
+                "the moving links of '{}' have no collision geometry; give them a radius instead",
+                chain.name()
+            )));
+        }
+        bodies.iter().try_fold(Self::default(), |all, body| {
+            let (start, end, radius) = Self::capsule_around(body);
+            all.with_capsule(chain, body.link, start, end, radius)
+        })
+    }
+
+    /// Ends, in the frame of its link, and radius (m) of the capsule around a body: see [`LinkGeometry::of_bodies`].
+    pub fn capsule_around(body: &CollisionBody) -> ([f64; 3], [f64; 3], f64) {
+        let (axis, half, radius) = match body.shape {
+            CollisionShape::Sphere { radius } => (Vector3::z(), 0.0, radius),
+            CollisionShape::Cylinder { radius, length } | CollisionShape::Capsule { radius, length } => {
+                (Vector3::z(), 0.5 * length, radius)
+            }
+            CollisionShape::Box { half_extents } => {
+                let longest = Vector3::from(half_extents).imax();
+                let mut axis = Vector3::zeros();
+                axis[longest] = 1.0;
+                let [b, c] = [1, 2].map(|i| half_extents[(longest + i) % 3]);
+                (axis, half_extents[longest], b.hypot(c))
+            }
+        };
+        let end = |side: f64| (body.pose * nalgebra::Point3::from(axis * side)).coords.into();
+        (end(-half), end(half), radius)
     }
 
     /// With one more capsule, given in the frame of a link (see [`Chain::link_index`]): a tool, a hose, a camera.

@@ -15,10 +15,11 @@
 use std::sync::Arc;
 
 use super::damping::Damping;
-use super::linear::{Svd, dot, times};
+use super::linear::{dot, times};
 use super::local::{Local, by_dimension};
 use super::projected_gradient::distance;
 use super::pseudo_inverse::PseudoInverse;
+use super::singular_values::Svd;
 use super::{Resolver, StepInput, StepReport};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Stationarity};

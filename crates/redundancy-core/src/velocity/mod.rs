@@ -13,6 +13,7 @@
 
 mod box_projection;
 mod damping;
+mod exchange;
 mod extended_jacobian;
 mod linear;
 mod local;
@@ -20,6 +21,7 @@ mod projected_gradient;
 mod pseudo_inverse;
 mod reduced_gradient;
 mod saturation;
+mod singular_values;
 mod step_size;
 
 pub use damping::Damping;
@@ -144,7 +146,7 @@ pub fn sigma_min(chain: &Chain, task: &Task, q: &[f64]) -> Result<f64> {
     let kinematics = chain.kinematics(q, &mut scratch)?;
     let mut jacobian = vec![0.0; task.dim() * chain.dof()];
     task.write_jacobian(&kinematics, &mut jacobian);
-    let mut svd = linear::Svd::new(task.dim(), chain.dof());
+    let mut svd = singular_values::Svd::new(task.dim(), chain.dof());
     svd.decompose(&jacobian, task.dim());
     // More coordinates than joints: the task cannot be met in every direction.
     Ok(if task.dim() > chain.dof() { 0.0 } else { svd.smallest() })

@@ -1,6 +1,6 @@
 //! `J^# v + P eta`: the (damped) pseudoinverse for the task, the exact projector for the freedom.
 //!
-//! Where J is well conditioned, with `A = J J^T` and one Cholesky factorisation
+//! Where J is well conditioned, with `A = J J^T` and one factorisation of it
 //!
 //! ```text
 //! J^+ v + (I - J^+ J) eta = eta + J^T A^-1 (v - J eta)
@@ -11,7 +11,8 @@
 //! the projector is built from the right singular vectors instead and is exact whatever the damping.
 
 use super::damping::Damping;
-use super::linear::{Cholesky, Svd, along, dot, gram, times};
+use super::linear::{InverseFactors, along, dot, gram, times};
+use super::singular_values::Svd;
 use crate::tolerance::{REFINED_SHARE, SINGULAR_RANK, WELL_CONDITIONED};
 
 /// Damping and the memory for singular values.
@@ -27,11 +28,7 @@ pub(super) struct PseudoInverse {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Factor<const M: usize> {
     /// Far from singularities.
-    Regular {
-        cholesky: Cholesky<M>,
-        /// One correction more makes up for the condition of the Gram matrix.
-        refine: bool,
-    },
+    Regular(NormalEquations<M>),
     /// The singular values are in the memory.
     Values,
 }
@@ -62,13 +59,10 @@ impl PseudoInverse {
     #[inline(always)]
     pub fn factor<const M: usize>(&mut self, columns: &[[f64; M]]) -> Factor<M> {
         let floor = self.damping.map_or(WELL_CONDITIONED, |d| d.threshold.max(WELL_CONDITIONED));
-        let gram = gram(columns);
-        if let Some(cholesky) = Cholesky::new(&gram) {
-            let square = cholesky.trace_of_inverse().recip();
-            if square >= floor * floor {
-                let size: f64 = (0..M).map(|i| gram[i][i]).sum();
-                return Factor::Regular { cholesky, refine: square < REFINED_SHARE * size };
-            }
+        if let Some(equations) = NormalEquations::new(gram(columns))
+            && equations.bound() >= floor
+        {
+            return Factor::Regular(equations);
         }
         self.find_values(columns);
         Factor::Values
@@ -83,7 +77,7 @@ impl PseudoInverse {
     /// What the inverse loses at this q.
     pub fn loss<const M: usize>(&self, factor: &Factor<M>) -> Loss {
         match factor {
-            Factor::Regular { .. } => Loss::NONE,
+            Factor::Regular(_) => Loss::NONE,
             Factor::Values => {
                 let damping = |sigma: f64| self.damping.map_or(0.0, |d| d.square(sigma));
                 let square = self.svd.sigma().iter().map(|sigma| damping(*sigma)).fold(0.0, f64::max);
@@ -103,12 +97,9 @@ impl PseudoInverse {
         out: &mut [f64],
     ) {
         match factor {
-            Factor::Regular { cholesky, refine } => {
+            Factor::Regular(equations) => {
                 out.copy_from_slice(eta);
-                correct(cholesky, columns, v, out);
-                if *refine {
-                    correct(cholesky, columns, v, out);
-                }
+                equations.meet(columns, v, out);
             }
             Factor::Values => {
                 self.project(eta, out);
@@ -154,16 +145,54 @@ impl PseudoInverse {
     }
 }
 
-/// Adds `J^T A^-1 (v - J out)`.
-#[inline(always)]
-fn correct<const M: usize>(cholesky: &Cholesky<M>, columns: &[[f64; M]], v: &[f64; M], out: &mut [f64]) {
-    let done = times(columns, out);
-    let mut missing = *v;
-    for i in 0..M {
-        missing[i] -= done[i];
+/// `A = J J^T` of a Jacobian that is far from singular, factored.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NormalEquations<const M: usize> {
+    factors: InverseFactors<M>,
+    /// Trace of `A^-1`.
+    trace: f64,
+    /// One correction more makes up for the condition of A, which is the square of that of J.
+    refine: bool,
+}
+
+impl<const M: usize> NormalEquations<M> {
+    /// Of the lower triangle of A; `None` where A is not positive definite.
+    #[inline(always)]
+    pub fn new(gram: [[f64; M]; M]) -> Option<Self> {
+        let size: f64 = (0..M).map(|i| gram[i][i]).sum();
+        let factors = InverseFactors::new(gram)?;
+        let trace = factors.trace();
+        Some(Self { factors, trace, refine: 1.0 < REFINED_SHARE * size * trace })
     }
-    let y = cholesky.solve(missing);
-    for (out, column) in out.iter_mut().zip(columns) {
-        *out += along(column, &y);
+
+    /// Lower bound of the least singular value of J, low by a factor of at most `sqrt(M)`.
+    #[inline(always)]
+    pub fn bound(&self) -> f64 {
+        self.trace.sqrt().recip()
+    }
+
+    /// The sum of `1 / sigma^2` over the singular values of J.
+    #[inline(always)]
+    pub fn trace(&self) -> f64 {
+        self.trace
+    }
+
+    /// `A^-1 b`.
+    #[inline(always)]
+    pub fn solve(&self, b: &[f64; M]) -> [f64; M] {
+        self.factors.solve(b)
+    }
+
+    /// Moves `out` by the least step to where `J out = v`; `columns` are those of J.
+    #[inline(always)]
+    pub fn meet(&self, columns: &[[f64; M]], v: &[f64; M], out: &mut [f64]) {
+        for _ in 0..1 + usize::from(self.refine) {
+            let done = times(columns, out);
+            let missing: [f64; M] = std::array::from_fn(|i| v[i] - done[i]);
+            let y = self.factors.solve(&missing);
+            for (out, column) in out.iter_mut().zip(columns) {
+                *out += along(column, &y);
+            }
+        }
     }
 }

@@ -7,24 +7,27 @@
 //! qd_b = eta_b - J_R^T eta_a = eta_b - J_b^T (J_a^-T eta_a)          qd_a = J_a^-1 (v - J_b qd_b)
 //! ```
 //!
-//! One LU factorisation of a square matrix instead of a pseudoinverse. At equal gain it converges faster than the projected
-//! gradient: `Z Z^T` with `Z = [-J_R; I]` is the projector times a scaling of 1 or more, which depends on the basis.
+//! At equal gain it converges faster than the projected gradient: `Z Z^T` with `Z = [-J_R; I]` is the projector times a
+//! scaling of 1 or more, which depends on the basis. `J_a` is solved through the factors of `J_a J_a^T`, of which a bound
+//! of its least singular value comes along, and through its singular values where that bound is low.
 //!
 //! # The basis
-//! `J_a` has to stay regular. All bases are ranked by `1 / |J_a^-1|_F`, which bounds the least singular value of `J_a`
-//! from below within a factor `sqrt(m)`. While the rank of the present one is good, nothing else is computed. When it
-//! falls below a level well above the damping threshold, one candidate of the ranking is tried per step; when it
-//! comes close to the threshold, all are. A change needs a candidate that is better by a factor (hysteresis), is
-//! blended over some steps, during which both bases meet the task, and is reported. Damping acts only when no basis is
-//! good. A basis that the caller gives is kept whatever happens.
+//! `J_a` has to stay regular. Its measure is `1 / |J_a^-1|_F`, which bounds the least singular value of `J_a` from below
+//! within a factor `sqrt(m)`. While it is good, nothing else is computed. When it falls below a level well above the
+//! damping threshold, the measures of all bases that differ in one joint are computed (see the module `exchange`: all of
+//! them together cost less than one factorisation), again after some steps or as soon as it has fallen further. A change needs one that is better by a factor (hysteresis), a smaller
+//! one when damping is near, is blended over some steps, during which both bases meet the task, and is reported. Damping
+//! acts only when no basis is good. A basis that the caller gives is kept whatever happens.
 
 use std::sync::Arc;
 
 use super::damping::Damping;
-use super::linear::{Lu, Svd, along, dot, times};
+use super::exchange::{self, Split};
+use super::linear::{along, complement, dot, gram, times};
 use super::local::{Local, by_dimension, required_dt};
 use super::projected_gradient::distance;
-use super::pseudo_inverse::PseudoInverse;
+use super::pseudo_inverse::NormalEquations;
+use super::singular_values::Svd;
 use super::step_size::{Gain, OptimalStep};
 use super::{Resolver, StepInput, StepReport};
 use crate::chain::Chain;
@@ -33,28 +36,14 @@ use crate::error::{Error, Result};
 use crate::kinematics::Task;
 use crate::status::Status;
 use crate::tolerance::{
-    BASIS_GAIN, BASIS_GAIN_URGENT, BASIS_LEVEL, BASIS_URGENT, REFINED_SHARE, WELL_CONDITIONED,
+    BASIS_FALL, BASIS_GAIN, BASIS_GAIN_URGENT, BASIS_LEVEL, BASIS_URGENT, SINGULAR_RANK, WELL_CONDITIONED,
 };
 
 /// Steps over which a change of basis is blended [Bettini2000, section 5].
 const BLEND: usize = 3;
 
-/// Most bases that are ranked: 5 of 11 joints. Ranking them takes a tenth of a millisecond.
-const MOST_BASES: usize = 462;
-
-/// A split of the joints; both lists ascend.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct Split {
-    dependent: Vec<usize>,
-    independent: Vec<usize>,
-}
-
-impl Split {
-    fn new(dependent: Vec<usize>, n: usize) -> Self {
-        let independent = (0..n).filter(|i| !dependent.contains(i)).collect();
-        Self { dependent, independent }
-    }
-}
+/// Steps between two looks at other bases, unless the present one has become worse in the meantime.
+const REST: usize = 8;
 
 /// Reduced gradient scheme [Bettini2000, eq. (4)].
 ///
@@ -79,35 +68,38 @@ pub struct ReducedGradient {
     gain: Gain,
     damping: Option<Damping>,
     basis: Basis,
-    inverse: PseudoInverse,
     svd: Svd,
+    /// Rows of J, overwritten, and an orthonormal basis of its null space, where `J_a` is nearly singular.
+    rows: Vec<f64>,
+    null: Vec<f64>,
     optimal: OptimalStep,
     eta: Vec<f64>,
     work: [Vec<f64>; 2],
 }
 
-/// Which basis is in use, and what is known of the others.
+/// Which basis is in use.
 #[derive(Debug, Clone)]
 struct Basis {
-    splits: Vec<Split>,
-    /// Bounds of the least singular values at the last full look.
-    bounds: Vec<f64>,
-    /// Indices of the splits from the best on, at that time.
-    order: Vec<usize>,
-    current: usize,
-    previous: usize,
+    current: Split,
+    previous: Split,
+    /// Where a candidate is put together.
+    candidate: Split,
     /// Steps of the blend that are left.
     blend: usize,
-    /// Place in `order` of the next candidate to try.
-    next: usize,
-    ranked: bool,
+    /// The measure at the last look at others that found none better, and the steps until the next look.
+    looked: f64,
+    rest: usize,
+    /// The caller chose it.
+    given: bool,
+    chosen: bool,
 }
 
-/// `J_a` at one q.
+/// `J_a` at one q, solved through
+#[derive(Debug, Clone, Copy)]
 enum Minor<const M: usize> {
-    /// Far from singular; the number bounds the least singular value from below.
-    Regular(Lu<M>, f64),
-    /// Nearly singular, and to be damped: the singular values are in the memory.
+    /// its normal equations, far from singular,
+    Regular(NormalEquations<M>),
+    /// its singular values, which are in the memory.
     Values,
 }
 
@@ -132,26 +124,28 @@ impl ReducedGradient {
         let (m, n) = (task.dim(), chain.dof());
         let optimal = OptimalStep::new(criterion.as_deref(), n);
         let local = Local::new(chain, criterion, task)?;
-        let splits = match basis {
-            Some(basis) => vec![Split::new(checked_basis(basis, m, n)?, n)],
-            None => all_splits(m, n)?,
+        let first: Vec<usize> = match basis {
+            Some(basis) => checked_basis(basis, m, n)?,
+            None => (0..m).collect(),
         };
+        let split = Split::new(first, n);
         Ok(Self {
             local,
             gain: gain.validate()?,
             damping,
             basis: Basis {
-                bounds: vec![0.0; splits.len()],
-                order: (0..splits.len()).collect(),
-                current: 0,
-                previous: 0,
+                current: split.clone(),
+                previous: split.clone(),
+                candidate: split,
                 blend: 0,
-                next: 0,
-                ranked: splits.len() == 1,
-                splits,
+                looked: f64::INFINITY,
+                rest: 0,
+                given: basis.is_some() || m == n,
+                chosen: basis.is_some(),
             },
-            inverse: PseudoInverse::new(damping, m, n),
             svd: Svd::new(m, m),
+            rows: vec![0.0; m * n],
+            null: vec![0.0; (n - m) * n],
             optimal,
             eta: vec![0.0; n],
             work: [vec![0.0; n], vec![0.0; n]],
@@ -167,11 +161,12 @@ impl ReducedGradient {
         let v = self.local.velocity::<M>();
         let (mut status, mut damping) = (Status::Converged, 0.0);
         if let Minor::Values = minor {
-            status = Status::Singular;
             let square = |sigma: &f64| self.damping.map_or(0.0, |d| d.square(*sigma));
             damping = self.svd.sigma().iter().map(square).fold(0.0, f64::max).sqrt();
-            // For the projector that keeps the freedom off the task.
-            self.inverse.find_values(self.local.columns::<M>());
+            if damping > 0.0 || self.svd.smallest() <= self.zero() {
+                status = Status::Singular;
+            }
+            self.find_null_space::<M>();
         }
         match (optimal_dt, self.gain) {
             (Some(dt), _) => {
@@ -201,50 +196,57 @@ impl ReducedGradient {
         Ok(StepReport { status, scale: 1.0, damping, basis_changed, algorithmic: false, residual })
     }
 
-    /// The basis of this step with its factorisation, and whether it is another one than before.
+    /// The basis of this step with what solves it, and whether it is another one than before.
     fn choose<const M: usize>(&mut self) -> (Minor<M>, bool) {
         let columns = self.local.columns::<M>();
         let basis = &mut self.basis;
-        let alone = basis.splits.len() == 1;
-        if !basis.ranked {
-            basis.rank(columns);
-            basis.ranked = true;
-            basis.current = basis.order[0];
+        if !basis.chosen {
+            exchange::choose(columns, &mut self.rows, &mut basis.current);
+            basis.chosen = true;
         }
         let threshold = self.damping.map_or(0.0, |d| d.threshold);
         let level = threshold.max(WELL_CONDITIONED);
-        let mut lu = basis.minor(basis.current, columns);
-        let mut bound = bound_of(&lu);
+        let mut equations = equations_of(&basis.current, columns);
+        let mut bound = bound_of(&equations);
         let mut changed = false;
-        if !alone && bound < BASIS_LEVEL * level {
-            let urgent = bound < BASIS_URGENT * level;
-            let candidate = if urgent {
-                basis.rank(columns);
-                basis.order[0]
-            } else {
-                basis.next = (basis.next + 1) % basis.order.len();
-                basis.order[basis.next]
-            };
-            let wanted = if urgent { BASIS_GAIN_URGENT } else { BASIS_GAIN };
-            if candidate != basis.current && (urgent || basis.blend == 0) {
-                let other = basis.minor(candidate, columns);
+        let urgent = bound < BASIS_URGENT * level;
+        basis.rest = basis.rest.saturating_sub(1);
+        // Where damping would act there is no waiting, and more than one joint may change.
+        let due = bound < level || basis.rest == 0 || bound < BASIS_FALL * basis.looked;
+        if !basis.given && due && bound < BASIS_LEVEL * level && (urgent || basis.blend == 0) {
+            (basis.looked, basis.rest) = (bound, REST);
+            basis.candidate.clone_from(&basis.current);
+            match &equations {
+                Some(equations) if bound >= level => {
+                    if let Some(pair) = exchange::best(columns, &basis.current, equations) {
+                        basis.candidate.exchange(pair);
+                    }
+                }
+                Some(_) => exchange::improve(columns, &mut basis.candidate),
+                None => exchange::choose(columns, &mut self.rows, &mut basis.candidate),
+            }
+            if basis.candidate != basis.current {
+                let other = equations_of(&basis.candidate, columns);
+                let wanted = if urgent { BASIS_GAIN_URGENT } else { BASIS_GAIN };
                 if bound_of(&other) > wanted * bound {
-                    (basis.previous, basis.current) = (basis.current, candidate);
-                    basis.blend = BLEND;
-                    basis.next = 0;
+                    std::mem::swap(&mut basis.previous, &mut basis.current);
+                    std::mem::swap(&mut basis.current, &mut basis.candidate);
+                    (basis.blend, basis.looked, basis.rest) = (BLEND, f64::INFINITY, 0);
                     bound = bound_of(&other);
-                    lu = other;
+                    equations = other;
                     changed = true;
                 }
             }
         }
-        let minor = match lu {
-            Some(lu) if bound >= threshold => Minor::Regular(lu, bound),
-            lu => {
+        let minor = match equations {
+            Some(equations) if bound >= level => Minor::Regular(equations),
+            equations => {
                 // The bound may be low by a factor of up to sqrt(m): the values decide.
-                self.svd.decompose(basis.dependent(basis.current, columns).as_flattened(), M);
-                match lu {
-                    Some(lu) if self.svd.smallest() >= threshold => Minor::Regular(lu, bound),
+                self.svd.decompose(self.basis.current.dependent_of(columns).as_flattened(), M);
+                match equations {
+                    Some(equations) if bound >= WELL_CONDITIONED && self.svd.smallest() >= threshold => {
+                        Minor::Regular(equations)
+                    }
                     _ => Minor::Values,
                 }
             }
@@ -252,65 +254,79 @@ impl ReducedGradient {
         (minor, changed)
     }
 
+    /// The singular value of `J_a` up to which it counts as zero.
+    fn zero(&self) -> f64 {
+        SINGULAR_RANK * self.svd.sigma().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Finds the null space of J, which keeps the freedom off the task however `J_a` is damped.
+    fn find_null_space<const M: usize>(&mut self) {
+        let columns = self.local.columns::<M>();
+        let n = columns.len();
+        for (i, row) in self.rows.chunks_exact_mut(n).enumerate() {
+            row.iter_mut().zip(columns).for_each(|(entry, column)| *entry = column[i]);
+        }
+        complement(&mut self.rows, n, M, &mut self.null);
+    }
+
     /// `out` for the wish `eta` and the task velocity `v`, mixed with that of the basis before while a change lasts.
     fn blended<const M: usize>(&mut self, minor: &Minor<M>, v: &[f64; M], out: &mut [f64]) {
         let mut work = std::mem::take(&mut self.work[0]);
-        self.combine(self.basis.current, minor, v, out, &mut work);
+        self.combine(&self.basis.current, minor, v, out, &mut work);
         if self.basis.blend > 0 {
-            let old = self.basis.minor(self.basis.previous, self.local.columns::<M>());
-            let threshold = self.damping.map_or(0.0, |d| d.threshold);
             // The old basis helps only as long as it meets the task.
-            let bound = bound_of(&old);
-            if bound >= threshold.max(WELL_CONDITIONED)
-                && let (Some(old), Minor::Regular(..)) = (old, minor)
+            let threshold = self.damping.map_or(0.0, |d| d.threshold);
+            if let Some(old) = equations_of(&self.basis.previous, self.local.columns::<M>())
+                && old.bound() >= threshold.max(WELL_CONDITIONED)
+                && let Minor::Regular(_) = minor
             {
                 let share = self.basis.blend as f64 / (BLEND + 1) as f64;
-                self.combine(self.basis.previous, &Minor::Regular(old, bound), v, &mut work, &mut []);
+                self.combine(&self.basis.previous, &Minor::Regular(old), v, &mut work, &mut []);
                 out.iter_mut().zip(&work).for_each(|(out, old)| *out += share * (old - *out));
             }
         }
         self.work[0] = work;
     }
 
-    /// `out` of one basis; `work` is only needed where J_a is damped.
+    /// `out` of one basis; `work` is only needed where J_a is nearly singular.
+    #[inline(always)]
     fn combine<const M: usize>(
         &self,
-        split: usize,
+        split: &Split,
         minor: &Minor<M>,
         v: &[f64; M],
         out: &mut [f64],
         work: &mut [f64],
     ) {
         let columns = self.local.columns::<M>();
-        let Split { dependent, independent } = &self.basis.splits[split];
-        let eta_a: [f64; M] = std::array::from_fn(|i| self.eta[dependent[i]]);
-        match minor {
-            Minor::Regular(lu, bound) => {
-                let y = lu.solve_transposed(&eta_a);
-                let mut rest = *v;
-                for j in independent {
-                    let x = self.eta[*j] - along(&columns[*j], &y);
-                    out[*j] = x;
-                    for i in 0..M {
-                        rest[i] -= columns[*j][i] * x;
-                    }
-                }
-                for (j, x) in dependent.iter().zip(lu.solve(&rest)) {
-                    out[*j] = x;
-                }
-                let size: f64 = dependent.iter().map(|j| dot(&columns[*j], &columns[*j])).sum();
-                if bound * bound < REFINED_SHARE * size {
-                    let done = times(columns, out);
-                    let missing: [f64; M] = std::array::from_fn(|i| v[i] - done[i]);
-                    for (j, x) in dependent.iter().zip(lu.solve(&missing)) {
-                        out[*j] += x;
-                    }
+        let dependent = split.dependent_of(columns);
+        let eta_a: [f64; M] = std::array::from_fn(|i| self.eta[split.dependent()[i]]);
+        // The independent joints of `out` for J_a^-T eta_a, and what they leave of v.
+        let reduce = |y: &[f64; M], mut rest: [f64; M], out: &mut [f64]| {
+            for j in split.independent() {
+                let x = self.eta[*j] - along(&columns[*j], y);
+                out[*j] = x;
+                for i in 0..M {
+                    rest[i] -= columns[*j][i] * x;
                 }
             }
+            rest
+        };
+        let follow = |x: [f64; M], out: &mut [f64]| {
+            split.dependent().iter().zip(x).for_each(|(j, x)| out[*j] = x);
+        };
+        match minor {
+            Minor::Regular(equations) => {
+                let rest = reduce(&equations.solve(&times(&dependent, &eta_a)), *v, out);
+                let mut x = [0.0; M];
+                equations.meet(&dependent, &rest, &mut x);
+                follow(x, out);
+            }
             Minor::Values => {
+                let zero = self.zero();
                 let inverse = |sigma: f64| match &self.damping {
                     Some(damping) => damping.inverse(sigma),
-                    None if sigma > 0.0 => sigma.recip(),
+                    None if sigma > zero => sigma.recip(),
                     None => 0.0,
                 };
                 // The reduced gradient with the damped inverse, then what of it does not move the tool.
@@ -318,14 +334,6 @@ impl ReducedGradient {
                 for (sigma, left, right) in self.svd.triples() {
                     let factor = inverse(sigma) * dot(right, &eta_a);
                     y.iter_mut().zip(left).for_each(|(y, u)| *y += factor * u);
-                }
-                let mut rest = [0.0; M];
-                for j in independent {
-                    let x = self.eta[*j] - along(&columns[*j], &y);
-                    work[*j] = x;
-                    for i in 0..M {
-                        rest[i] -= columns[*j][i] * x;
-                    }
                 }
                 let solve = |b: &[f64; M]| {
                     let mut x = [0.0; M];
@@ -335,11 +343,14 @@ impl ReducedGradient {
                     }
                     x
                 };
-                for (j, x) in dependent.iter().zip(solve(&rest)) {
-                    work[*j] = x;
+                let rest = reduce(&y, [0.0; M], work);
+                follow(solve(&rest), work);
+                out.fill(0.0);
+                for axis in self.null.chunks_exact(columns.len()) {
+                    let part = dot(axis, work);
+                    out.iter_mut().zip(axis).for_each(|(out, z)| *out += part * z);
                 }
-                self.inverse.project(work, out);
-                for (j, x) in dependent.iter().zip(solve(v)) {
+                for (j, x) in split.dependent().iter().zip(solve(v)) {
                     out[*j] += x;
                 }
             }
@@ -347,29 +358,15 @@ impl ReducedGradient {
     }
 }
 
-impl Basis {
-    fn dependent<const M: usize>(&self, split: usize, columns: &[[f64; M]]) -> [[f64; M]; M] {
-        std::array::from_fn(|i| columns[self.splits[split].dependent[i]])
-    }
-
-    fn minor<const M: usize>(&self, split: usize, columns: &[[f64; M]]) -> Option<Lu<M>> {
-        Lu::of_columns(&self.dependent(split, columns))
-    }
-
-    /// Ranks all bases at this q.
-    fn rank<const M: usize>(&mut self, columns: &[[f64; M]]) {
-        for split in 0..self.splits.len() {
-            self.bounds[split] = bound_of(&self.minor(split, columns));
-        }
-        let bounds = &self.bounds;
-        self.order.sort_unstable_by(|a, b| bounds[*b].total_cmp(&bounds[*a]).then(a.cmp(b)));
-        self.next = 0;
-    }
+/// What solves `J_a`, if it is regular.
+#[inline(always)]
+fn equations_of<const M: usize>(split: &Split, columns: &[[f64; M]]) -> Option<NormalEquations<M>> {
+    NormalEquations::new(gram(&split.dependent_of(columns)))
 }
 
 /// Lower bound of the least singular value; 0 of a singular matrix.
-fn bound_of<const M: usize>(lu: &Option<Lu<M>>) -> f64 {
-    lu.as_ref().map_or(0.0, |lu| lu.square_of_inverse().sqrt().recip())
+fn bound_of<const M: usize>(equations: &Option<NormalEquations<M>>) -> f64 {
+    equations.as_ref().map_or(0.0, NormalEquations::bound)
 }
 
 /// The dependent joints in ascending order.
@@ -391,30 +388,6 @@ fn checked_basis(basis: &[usize], m: usize, n: usize) -> Result<Vec<usize>> {
     Ok(sorted)
 }
 
-/// Every choice of m out of n joints, in lexical order.
-fn all_splits(m: usize, n: usize) -> Result<Vec<Split>> {
-    let mut count = 1_usize;
-    for i in 0..m {
-        count = count.saturating_mul(n - i) / (i + 1);
-    }
-    if count > MOST_BASES {
-        let message =
-            format!("{n} joints have {count} bases for {m} coordinates, at most {MOST_BASES}: give a basis");
-        return Err(Error::Invalid(message));
-    }
-    let mut choice: Vec<usize> = (0..m).collect();
-    let mut splits = vec![Split::new(choice.clone(), n)];
-    // The next choice: the last index that can grow does, those after it follow closely.
-    while let Some(i) = (0..m).rev().find(|i| choice[*i] < n - m + i) {
-        choice[i] += 1;
-        for k in i + 1..m {
-            choice[k] = choice[k - 1] + 1;
-        }
-        splits.push(Split::new(choice.clone(), n));
-    }
-    Ok(splits)
-}
-
 impl Resolver for ReducedGradient {
     fn name(&self) -> &'static str {
         "reduced_gradient"
@@ -434,7 +407,7 @@ impl Resolver for ReducedGradient {
     }
 
     fn basis(&self) -> &[usize] {
-        if self.basis.ranked { &self.basis.splits[self.basis.current].dependent } else { &[] }
+        if self.basis.chosen { self.basis.current.dependent() } else { &[] }
     }
 
     fn boxed(&self) -> Box<dyn Resolver> {

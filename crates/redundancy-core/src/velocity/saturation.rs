@@ -160,7 +160,7 @@ impl SaturatedNullspace {
 
         // The null space and the least joint velocity of the task.
         let rank = match &factor {
-            Factor::Regular { .. } => {
+            Factor::Regular(_) => {
                 for (j, column) in columns.iter().enumerate() {
                     for i in 0..M {
                         self.rows[i * n + j] = column[i];
