@@ -1385,7 +1385,8 @@ class IkSolver:
         """A configuration over a pose.
 
         Args:
-            pose: `(4, 4)` or SE3-like; `(2,)` for `planar`, `(3,)` for `position` and `planar_pose` (x, y, angle).
+            pose: `(4, 4)` or SE3-like; `(2,)` or `(3,)` for `planar`, `(3,)` for `position`, `(x, y, angle)` for
+                `planar_pose`.
             q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
             seed: Decides the random starts, if it comes to those. The same seed, the same bits.
 

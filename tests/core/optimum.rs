@@ -476,15 +476,8 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
                             if let [one] = inside[..] {
                                 let wanted = if left.1 > 0.0 { Kind::Maximum } else { Kind::Minimum };
                                 let kind = points[one].classification.kind;
-                                kinds += usize::from(kind == wanted);
-                                if kind != wanted {
-                                    // Too flat to tell, against the terms that the curvature is the difference of.
-                                    assert_eq!(kind, Kind::Degenerate);
-                                    let mut at = Stationarity::new(&chain, h, Task::POSE).unwrap();
-                                    at.second_order(&points[one].q);
-                                    let flat = points[one].classification.eigenvalues[0] / at.scale();
-                                    assert!(flat.abs() < 2e-7, "{flat:e}");
-                                }
+                                assert_eq!(kind, wanted, "{:?}", points[one]);
+                                kinds += 1;
                             }
                         }
                         left = right;
@@ -494,7 +487,7 @@ fn critical_points_agree_with_a_dense_scan_of_the_closed_form() {
             }
         }
     }
-    assert!(cells > 50 && kinds * 1000 >= cells * 997, "{cells} {kinds}");
+    assert!(cells > 50 && kinds * 1000 >= cells * 997, "{cells} {kinds}"); // the others share a cell
 }
 
 #[test]

@@ -200,7 +200,7 @@ def test_tasks_and_short_targets() -> None:
     planar = load("planar4r")
     pose = np.eye(4)
     pose[:2, 3] = 4.0, 3.0
-    for target in ([4.0, 3.0], pose):
+    for target in ([4.0, 3.0], [4.0, 3.0, 0.0], pose):
         result = rd.IkSolver(planar, task="planar").solve(target)
         assert result.status == "converged"
         np.testing.assert_allclose(planar.forward(result.q)[:2, 3], [4.0, 3.0], atol=1e-6)
@@ -209,6 +209,8 @@ def test_tasks_and_short_targets() -> None:
     )
     reached = planar.forward(batch.q)
     np.testing.assert_allclose(np.arctan2(reached[:, 1, 0], reached[:, 0, 0]), [2.0, -1.0], atol=1e-6)
+    with pytest.raises(rd.RedundancyError, match="row 1: target: entry 0 is inf"):
+        rd.IkSolver(planar, task="planar").solve_batch(np.array([[4.0, 3.0], [np.inf, 1.0]]))
     panda = load("panda")
     place = rd.IkSolver(panda, task=rd.Task("position")).solve([0.4, 0.1, 0.5])
     np.testing.assert_allclose(panda.forward(place.q)[:3, 3], [0.4, 0.1, 0.5], atol=1e-6)

@@ -112,6 +112,8 @@ pub struct Classifier<'a> {
     eigenvalues: Vec<f64>,
     sigma: [f64; 2],
     pub(super) residual: f64,
+    tangent: Vec<f64>,
+    moved: Vec<f64>,
 }
 
 impl<'a> Classifier<'a> {
@@ -119,8 +121,15 @@ impl<'a> Classifier<'a> {
     /// A criterion for another number of joints, a task that leaves no freedom.
     pub fn new(chain: &'a Chain, criterion: &'a dyn Criterion, task: Task) -> Result<Self> {
         let stationarity = Stationarity::new(chain, criterion, task)?;
-        let r = chain.dof() - task.dim();
-        Ok(Self { stationarity, eigenvalues: vec![0.0; r], sigma: [0.0; 2], residual: 0.0 })
+        let (n, r) = (chain.dof(), chain.dof() - task.dim());
+        Ok(Self {
+            stationarity,
+            eigenvalues: vec![0.0; r],
+            sigma: [0.0; 2],
+            residual: 0.0,
+            tangent: vec![0.0; n * r],
+            moved: vec![0.0; n],
+        })
     }
 
     /// What `q` is.
@@ -135,7 +144,37 @@ impl<'a> Classifier<'a> {
     /// [`Classifier::classify`] for a `q` that was checked before.
     pub(crate) fn kind_at(&mut self, q: &[f64]) -> Kind {
         self.stationarity.second_order(q);
-        self.judge()
+        let kind = self.judge();
+        match self.eigenvalues[..] {
+            [w] if kind == Kind::Degenerate => self.look_around(q, w),
+            _ => kind,
+        }
+    }
+
+    /// What a point of one spare freedom is that may be degenerate, with `dW/ds` as measured on both sides of it.
+    fn look_around(&mut self, q: &[f64], w: f64) -> Kind {
+        const STEP: f64 = 1e-4;
+        self.tangent.copy_from_slice(self.stationarity.null_space().basis().as_slice());
+        let mut slope = 0.0_f64;
+        for side in [STEP, -STEP] {
+            for ((moved, q), t) in self.moved.iter_mut().zip(q).zip(&self.tangent) {
+                *moved = q + side * t;
+            }
+            self.stationarity.second_order(&self.moved);
+            slope = slope.max((self.stationarity.reduced_hessian()[(0, 0)] - w).abs() / STEP);
+        }
+        self.stationarity.second_order(q);
+        self.judge();
+        Kind::of_eigenvalues(&self.eigenvalues, self.flatness(slope))
+    }
+
+    /// Curvature up to which a critical point counts as degenerate, where the curvature changes by `slope` per radian.
+    fn flatness(&self, slope: f64) -> f64 {
+        // With the slope mu of h and the curvature W, Newton's method is sure to find a critical point of the same kind
+        // nearby if 2 |mu dW/ds| < W^2 (Kantorovich).
+        let scale = self.stationarity.scale();
+        let open = (2.0 * self.residual * slope).sqrt();
+        open.min(DEGENERATE_CURVATURE * scale).max(DEGENERATE_ROUNDING * scale)
     }
 
     /// What the configuration is at which the stationarity was evaluated last.
@@ -151,11 +190,9 @@ impl<'a> Classifier<'a> {
         if self.residual > CRITICAL_SLOPE * (slope + at.scale()) {
             return Kind::NotCritical;
         }
-        // With the slope mu and the curvature W, Newton's method is sure to find a critical point of the same kind nearby
-        // if 2 |mu dW/ds| < W^2 (Kantorovich); dW/ds is of the size of the terms of L.
-        let open = (2.0 * self.residual * at.scale()).sqrt();
-        let tolerance = open.min(DEGENERATE_CURVATURE * at.scale()).max(DEGENERATE_ROUNDING * at.scale());
-        Kind::of_eigenvalues(&self.eigenvalues, tolerance)
+        // dW/ds is at most of the size of the terms of L, as a rule.
+        let scale = at.scale();
+        Kind::of_eigenvalues(&self.eigenvalues, self.flatness(scale))
     }
 
     /// Eigenvalues of W at the last configuration, ascending.
