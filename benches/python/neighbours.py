@@ -24,7 +24,7 @@ def optional(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        print(f"skipped: {module} cannot be imported ({error}); `make bench` installs it")
+        print(f"skipped: {module} cannot be imported ({error}); see the extra `bench` in pyproject.toml")
         return None
 
 
