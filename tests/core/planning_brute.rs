@@ -201,10 +201,11 @@ fn a_plan_costs_no_more_than_a_plain_grid_search() {
 }
 
 /// A smooth path of full poses through a configuration of the arm, and obstacles around the arm.
-fn problem(arm: &SrsArm, rng: &mut ChaCha8Rng) -> (Path, Scene) {
+fn problem(arm: &SrsArm, rng: &mut ChaCha8Rng, hard: bool) -> (Path, Scene) {
     let chain = arm.chain();
     let mut unit = || Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
-    let (direction, bend, turn) = (unit() * 0.35, unit() * 0.1, unit() * 0.8);
+    let far = if hard { 2.0 } else { 1.0 };
+    let (direction, bend, turn) = (unit() * 0.35 * far, unit() * 0.1, unit() * 0.8 * far);
     let (poses, q) = loop {
         let q: Vec<f64> = (0..7)
             .map(|i| {
@@ -228,7 +229,8 @@ fn problem(arm: &SrsArm, rng: &mut ChaCha8Rng) -> (Path, Scene) {
     };
     // Near the elbow's way round, so that some swivels are free and others are not.
     let elbow = chain.forward_link(&q, chain.link_index(&chain.links()[4].name).unwrap()).unwrap();
-    let shapes: Vec<Shape> = (0..rng.random_range(1..5))
+    let count = rng.random_range(1..5) + if hard { 2 } else { 0 };
+    let shapes: Vec<Shape> = (0..count)
         .map(|i| {
             let mut near = |size: f64| Vector3::from_fn(|_, _| rng.random_range(-size..size));
             let (center, other, turn) = (elbow.translation.vector + near(0.5), near(0.3), near(3.0));
@@ -344,8 +346,9 @@ fn random_scenes_are_solved_or_cannot_be() {
     for name in ["iiwa14", "pa10"] {
         let arm = SrsArm::new(&catalog::load(name).unwrap()).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(9);
-        for case in 0..amount(6, 50) {
-            let (path, scene) = problem(&arm, &mut rng);
+        for case in 0..amount(4, 50) {
+            // Every other problem is long and cluttered: some of those take a reconfiguration.
+            let (path, scene) = problem(&arm, &mut rng, case % 2 == 1);
             let settings = SwivelPlanSettings { scene: Some(scene.clone()), ..Default::default() };
             let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
             match plan.status {
@@ -377,7 +380,7 @@ fn random_scenes_are_solved_or_cannot_be() {
         }
     }
     eprintln!("solved, infeasible, blocked: {counts:?}");
-    assert!(counts[0] > 3 && counts[1] + counts[2] > 0, "{counts:?}");
+    assert!(counts[0] >= 3 && counts[1] + counts[2] > 0, "{counts:?}");
 }
 
 #[test]
@@ -404,4 +407,29 @@ fn a_closed_path_closes_in_the_joints_after_ten_rounds() {
     assert!(gap(&ten.q[0], &ten.q[1_000]) < 1e-9);
     let apart = (1..10).map(|lap| gap(&ten.q[0], &ten.q[100 * lap])).fold(0.0, f64::max);
     assert!(apart < 1e-2, "{apart}");
+}
+
+/// The size of the bench: 1 000 points x 360 swivels x 8 branches beside five primitives.
+#[test]
+fn the_raster_beside_five_primitives_is_clear_ten_times_finer() {
+    let arm = SrsArm::new(&catalog::load("iiwa14").unwrap()).unwrap();
+    let ball = |x, y, z| Sphere { center: Vector3::new(x, y, z), radius: 0.08 };
+    let post = |x, y| Capsule { start: Vector3::new(x, y, 0.0), end: Vector3::new(x, y, 0.9), radius: 0.04 };
+    let table =
+        Cuboid { pose: Pose::translation(0.6, 0.0, -0.05), half_extents: Vector3::new(0.3, 0.5, 0.05) };
+    let scene = Scene::new(&[
+        ball(0.25, 0.45, 0.6).into(),
+        ball(0.3, -0.1, 0.95).into(),
+        post(0.35, -0.5).into(),
+        post(0.2, 0.6).into(),
+        table.into(),
+    ])
+    .unwrap();
+    let path = Path::new(&iiwa_raster(1_000), None, None).unwrap();
+    let settings = SwivelPlanSettings { swivels: 360, scene: Some(scene.clone()), ..Default::default() };
+    let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
+    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+    // The raster's corners are no smooth curve: there the pose between two points is off the straight line.
+    check_dense(&arm, &path, &scene, &plan).unwrap();
+    assert!(plan.clearance.iter().all(|d| *d >= 0.03));
 }
