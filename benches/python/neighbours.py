@@ -24,16 +24,17 @@ def optional(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        print(f"skipped: {module} cannot be imported ({error}); `make bench` installs it")
+        print(f"skipped: {module} cannot be imported ({error}); see the extra `bench` in pyproject.toml")
         return None
 
 
-def medians(jobs: dict[str, Callable[[int], object]], count: int) -> dict[str, float]:
+def medians(jobs: dict[str, Callable[[int], object]], count: int, rounds: int = ROUNDS) -> dict[str, float]:
     """Seconds per call of each job, median over the rounds; a job is called with the index of its input.
 
     Args:
         jobs: By name; each takes an index below `count`.
         count: Number of inputs.
+        rounds: How often each has its turn; fewer for jobs of seconds.
     """
     calls = {}
     for name, job in jobs.items():
@@ -43,7 +44,7 @@ def medians(jobs: dict[str, Callable[[int], object]], count: int) -> dict[str, f
             done += 1
         calls[name] = done
     seconds: dict[str, list[float]] = {name: [] for name in jobs}
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for name, job in jobs.items():
             indices = range(calls[name])
             begin = time.perf_counter()

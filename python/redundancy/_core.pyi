@@ -277,6 +277,8 @@ class Path:
     def __new__(
         cls, poses: ArrayLike | Any, s: ArrayLike | None = None, t: ArrayLike | None = None
     ) -> Path: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
     @staticmethod
     def from_csv(path: str | PathLike[str]) -> Path:
         """Read a CSV file with a header line and the columns `x,y,z`, `qw,qx,qy,qz` and, where wanted, `s` and `t`.
@@ -402,6 +404,8 @@ class Trajectory:
         qd: ArrayLike | None = None,
         events: Sequence[Event] | None = None,
     ) -> Self: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
     @staticmethod
     def from_csv(path: str | PathLike[str]) -> Trajectory:
         """Read what `to_csv` writes."""
@@ -1123,6 +1127,8 @@ class SrsArm:
     def __new__(
         cls, chain: Chain, chart: str = "shortest_arc", reference: ArrayLike | None = None
     ) -> Self: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
     @property
     def chain(self) -> Chain:
         """The chain that was recognised."""
@@ -1643,6 +1649,18 @@ class SwivelPlan(Trajectory):
     @property
     def reason(self) -> str:
         """Which points and what is in the way; empty when `converged`."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    @staticmethod
+    def _from_parts(
+        rows: Trajectory,
+        outcome: tuple[str, str],
+        swivel: Sequence[float],
+        branch: Sequence[int],
+        jumps: tuple[Sequence[int], Sequence[str]],
+        blocked: Sequence[int],
+        clearance: Sequence[float],
+    ) -> SwivelPlan: ...
 
 def plan_swivel(
     arm: SrsArm,
@@ -1686,9 +1704,9 @@ def plan_swivel(
         velocity_limits: `"chain"` (default), `(7,)` rad/s, or `None` for off.
         swivels: Grid cells of the circle (180).
         limit_weight: w_l (1).
-        motion_weight: w_m (0.05).
-        swivel_weight: w_s (10).
-        clearance_weight: Price of what is missing from the wanted distance, as a share of it (100).
+        motion_weight: w_m (0.5).
+        swivel_weight: w_s (10 000).
+        clearance_weight: Price of what is missing from the wanted distance, as a share of it (10 000).
         manipulability_weight: Price of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
         acceleration_weight: Price of the second differences of the joints, in the refinement (0).
         progress: Called with the share of the work done.
@@ -1743,8 +1761,26 @@ class SwivelFlow:
         active_distance: float | None = None,
         barrier_rate: float | None = None,
     ) -> Self: ...
-    def step(self, pose: _Pose, s: float, dt: float, t: float = 0.0) -> float:
+    def step(
+        self,
+        pose: _Pose,
+        s: float,
+        dt: float,
+        t: float = 0.0,
+        q: ArrayLike | None = None,
+        rate: float | None = None,
+    ) -> float:
         """The swivel (rad) at `pose` and time `t`, from the swivel `s` a time `dt` before.
+
+        Args:
+            pose: The tool pose at `t`.
+            s: The swivel before, rad.
+            dt: Time since then, s.
+            t: Where obstacles that move are, s.
+            q: `(7,)` joints before. With them the robust form holds the joint speed limits where some swivel within
+                `max_rate` does, as `follow` does.
+            rate: Rate of the swivel before, rad/s. With it the robust form smooths the new one, and beside an obstacle
+                turns round only for more than a small force, as `follow` does.
 
         Raises:
             RedundancyError: A pose out of reach, `dt <= 0`, numbers that are not finite.

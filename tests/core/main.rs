@@ -16,6 +16,7 @@ mod kinematics;
 mod optimum;
 mod path;
 mod planning;
+mod planning_brute;
 mod planning_scene;
 mod rotation;
 mod scene;

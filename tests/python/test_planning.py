@@ -1,5 +1,7 @@
 """Whole paths, through the Python face."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -82,3 +84,57 @@ def test_bad_settings_are_named(arm: rd.SrsArm, circle: rd.Path, options: dict, 
 def test_positions_alone_are_not_enough(arm: rd.SrsArm) -> None:
     with pytest.raises(rd.RedundancyError, match="positions only"):
         rd.plan_swivel(arm, rd.paths.circle([0.45, 0, 0.5], 0.12, n=20))
+
+
+def test_plans_paths_and_arms_compare_and_pickle_by_value(arm: rd.SrsArm, circle: rd.Path) -> None:
+    scene = rd.Scene([rd.Sphere((0.2842, -0.3539, 0.4817), 0.06)])
+    plan = rd.plan_swivel(arm, circle, scene)
+    again = pickle.loads(pickle.dumps(plan))
+    assert type(again) is rd.SwivelPlan and again == plan
+    assert again.status is plan.status and again.reason == plan.reason
+    np.testing.assert_array_equal(again.swivel, plan.swivel)
+    np.testing.assert_array_equal(again.branch, plan.branch)
+    np.testing.assert_array_equal(again.clearance, plan.clearance)
+    np.testing.assert_array_equal(again.q, plan.q)
+    rows = rd.Trajectory(plan.joint_names, plan.t, plan.q, plan.qd, plan.events)
+    assert rows == pickle.loads(pickle.dumps(rows)) and rows != plan and plan != rows
+    assert rows != rd.Trajectory(plan.joint_names, plan.t, plan.q + 1e-9)
+    other = rd.plan_swivel(arm, circle, scene, swivel_weight=1.0, desired=-1.0)
+    assert other != plan
+    assert plan != 1
+    # Without rows, and with reconfigurations.
+    poses = circle.poses
+    poses[30:33, 0, 3] += 3.0
+    blocked = rd.plan_swivel(arm, rd.Path(poses))
+    assert pickle.loads(pickle.dumps(blocked)) == blocked and len(blocked) == 0
+    iiwa = rd.SrsArm(rd.catalog.load("iiwa14"))
+    turns = rd.paths.circle([0.0, 0.0, 0.4], 0.6, turns=1.3, orientation=DOWN, n=300)
+    broken = rd.plan_swivel(iiwa, turns)
+    assert broken.status == "infeasible"
+    assert pickle.loads(pickle.dumps(broken)).reconfigurations == broken.reconfigurations
+    with pytest.raises(rd.RedundancyError, match="not the parts"):
+        rd.SwivelPlan._from_parts(rows, ("converged", ""), [], [], ([], []), [], [])
+    assert circle == pickle.loads(pickle.dumps(circle)) and circle != rd.Path(poses)
+    assert rd.Path(circle.poses) != circle  # a spline through the samples is another curve
+    assert arm == rd.SrsArm(rd.catalog.load("pa10")) and arm != iiwa
+    assert arm == pickle.loads(pickle.dumps(arm)) and arm != "pa10"
+
+
+def test_a_step_takes_what_was_before(arm: rd.SrsArm, circle: rd.Path) -> None:
+    scene = rd.Scene([rd.Sphere((0.2842, -0.3539, 0.4817), 0.06)])
+    flow = rd.SwivelFlow(arm, -np.pi / 2, scene)
+    pose = circle.poses[10]
+    q = arm.self_motion(pose).branches[0].q(-1.2)
+    plain = flow.step(pose, -1.2, 0.01)
+    # A rate before is followed on, not left at once.
+    assert flow.step(pose, -1.2, 0.01, rate=2.0) > plain > flow.step(pose, -1.2, 0.01, rate=-2.0)
+    # Joints that may hardly move hold the swivel back.
+    slow = rd.SrsArm(arm.chain.with_limits(velocity=np.full(7, 1e-3)))
+    held = rd.SwivelFlow(slow, 1.5)
+    assert abs(held.step(pose, -1.2, 0.01, q=q) + 1.2) < 1e-3 < abs(held.step(pose, -1.2, 0.01) + 1.2)
+    with pytest.raises(rd.RedundancyError, match="q: expected 7 entries"):
+        flow.step(pose, -1.2, 0.01, q=[0.0])
+    with pytest.raises(rd.RedundancyError, match="joints before"):
+        flow.step(pose, -1.2, 0.01, q=np.full(7, np.nan))
+    with pytest.raises(rd.RedundancyError, match="rate before"):
+        flow.step(pose, -1.2, 0.01, rate=np.inf)

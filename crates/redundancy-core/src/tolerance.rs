@@ -476,3 +476,14 @@ pub const FLOW_SLOPE: f64 = 0.02;
 
 /// Slope of the distance along the swivel (m/rad) below which the barrier of a swivel flow fades: no swivel helps there.
 pub const BARRIER_SLOPE: f64 = 0.005;
+
+/// Share of the obstacle's force that it takes to turn a swivel flow round: the balance of wish and obstacle goes to and
+/// fro a little with the path, and following all of it gains nothing.
+pub const FLOW_FRICTION: f64 = 0.2;
+
+/// Time within which a swivel flow follows its wanted rate, as a share of its time constant: shorter than that, so that it
+/// does not swing.
+pub const FLOW_SMOOTHING: f64 = 0.5;
+
+/// Rate (rad/s) below which a swivel flow does not turn round when standing still will do.
+pub const FLOW_TURN: f64 = 0.2;

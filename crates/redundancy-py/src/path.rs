@@ -17,7 +17,8 @@ use crate::error::to_py;
 use crate::status::event_kind_to_py;
 
 /// Tool poses or positions in the order of arc length.
-#[pyclass(name = "Path", module = "redundancy", frozen)]
+#[pyclass(name = "Path", module = "redundancy", frozen, eq)]
+#[derive(PartialEq)]
 pub struct PyPath {
     pub path: Path,
 }
@@ -410,7 +411,8 @@ impl From<Event> for PyEvent {
 }
 
 /// Joint positions and velocities over time.
-#[pyclass(name = "Trajectory", module = "redundancy", frozen, subclass)]
+#[pyclass(name = "Trajectory", module = "redundancy", frozen, eq, subclass)]
+#[derive(PartialEq)]
 pub struct PyTrajectory {
     pub trajectory: Trajectory,
 }

@@ -3,12 +3,13 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use redundancy_core::Error;
 use redundancy_core::path::Trajectory;
 use redundancy_core::planning::{
-    FlowForm, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings, plan_swivel,
+    FlowForm, FlowState, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings,
+    plan_swivel,
 };
 use redundancy_core::scene::Scene;
+use redundancy_core::{Error, Status};
 
 use crate::convert::{Integer, read_pose, read_vector, to_array};
 use crate::error::to_py;
@@ -74,6 +75,70 @@ impl PySwivelPlan {
         let reason =
             if self.plan.reason.is_empty() { String::new() } else { format!(": {}", self.plan.reason) };
         format!("SwivelPlan({rows} rows, {status}{reason})")
+    }
+
+    fn __eq__(this: &Bound<'_, Self>, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| {
+            let same = this.as_super().get().trajectory == other.as_super().get().trajectory;
+            same && this.get().plan == other.get().plan
+        })
+    }
+
+    fn __ne__(this: &Bound<'_, Self>, other: &Bound<'_, PyAny>) -> bool {
+        !Self::__eq__(this, other)
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, plan) = (this.py(), &this.get().plan);
+        let rows = Bound::new(py, PyTrajectory::from(this.as_super().get().trajectory.clone()))?;
+        let parts = (
+            rows,
+            (plan.status.as_str(), plan.reason.as_str()),
+            plan.swivel.clone(),
+            plan.branch.clone(),
+            (plan.reconfigurations.clone(), plan.obstructions.clone()),
+            plan.blocked.clone(),
+            plan.clearance.clone(),
+        );
+        Ok((py.get_type::<Self>().getattr("_from_parts")?, parts.into_pyobject(py)?))
+    }
+
+    /// Inverse of pickling.
+    #[staticmethod]
+    fn _from_parts<'py>(
+        rows: &Bound<'py, PyTrajectory>,
+        outcome: (String, String),
+        swivel: Vec<f64>,
+        branch: Vec<usize>,
+        jumps: (Vec<usize>, Vec<String>),
+        blocked: Vec<usize>,
+        clearance: Vec<f64>,
+    ) -> PyResult<Bound<'py, Self>> {
+        let ((word, reason), (reconfigurations, obstructions)) = (outcome, jumps);
+        let status = Status::ALL.into_iter().find(|status| status.as_str() == word);
+        let trajectory = rows.get().trajectory.clone();
+        let (q, rest) = trajectory.q().as_chunks::<7>();
+        let consistent = rest.is_empty()
+            && trajectory.joint_names().len() == 7
+            && swivel.len() == q.len()
+            && branch.len() == q.len()
+            && branch.iter().all(|b| *b < 8)
+            && reconfigurations.len() == obstructions.len();
+        let Some(status) = status.filter(|_| consistent) else {
+            return Err(to_py(Error::Invalid("these are not the parts of a pickled SwivelPlan".into())));
+        };
+        let plan = SwivelPlan {
+            status,
+            reason,
+            q: q.to_vec(),
+            swivel,
+            branch,
+            reconfigurations,
+            obstructions,
+            blocked,
+            clearance,
+        };
+        with_trajectory(rows.py(), plan, trajectory)
     }
 }
 
@@ -255,8 +320,23 @@ impl PySwivelFlow {
     }
 
     /// The swivel at `pose` after `dt`.
-    #[pyo3(signature = (pose, s, dt, t=0.0))]
-    fn step(&self, py: Python<'_>, pose: &Bound<'_, PyAny>, s: f64, dt: f64, t: f64) -> PyResult<f64> {
+    #[pyo3(signature = (pose, s, dt, t=0.0, q=None, rate=None))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        pose: &Bound<'_, PyAny>,
+        s: f64,
+        dt: f64,
+        t: f64,
+        q: Option<&Bound<'_, PyAny>>,
+        rate: Option<f64>,
+    ) -> PyResult<f64> {
+        let before = match q {
+            None => None,
+            Some(q) => Some(read_vector(q, "q", Some(7))?),
+        };
+        let q = before.as_deref().and_then(<[f64]>::first_chunk).copied();
+        let before = FlowState { q, rate };
         let wish = self.desired.bind(py);
         let wish = if wish.is_callable() {
             wish.call1((t,))?.extract::<f64>()?
@@ -270,7 +350,7 @@ impl PySwivelFlow {
                 }
             }
         };
-        Ok(self.flow.step(&read_pose(pose)?, s, wish, dt, t).map_err(to_py)?.swivel)
+        Ok(self.flow.step(&read_pose(pose)?, s, wish, dt, t, &before).map_err(to_py)?.swivel)
     }
 
     /// Along a path with times.

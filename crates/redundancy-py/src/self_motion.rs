@@ -24,12 +24,18 @@ const BLOCK: usize = 16_384;
 const SEARCH_BLOCK: usize = 512;
 
 /// A spherical-revolute-spherical arm with its closed-form inverse kinematics.
-#[pyclass(name = "SrsArm", module = "redundancy", frozen)]
+#[pyclass(name = "SrsArm", module = "redundancy", frozen, eq)]
 pub struct PySrsArm {
     pub arm: SrsArm,
     chain: Py<PyChain>,
     chart: String,
     reference: Option<[f64; 3]>,
+}
+
+impl PartialEq for PySrsArm {
+    fn eq(&self, other: &Self) -> bool {
+        self.arm == other.arm
+    }
 }
 
 #[pymethods]

@@ -37,6 +37,17 @@ pub struct Path {
     orientations: Option<CubicSpline<4>>,
 }
 
+/// The same samples, arc lengths, times and shape: the same curve. Whether it carries orientations counts.
+impl PartialEq for Path {
+    fn eq(&self, other: &Self) -> bool {
+        self.s == other.s
+            && self.t == other.t
+            && self.poses == other.poses
+            && self.shape == other.shape
+            && self.has_orientation() == other.has_orientation()
+    }
+}
+
 /// What the positions between samples come from.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

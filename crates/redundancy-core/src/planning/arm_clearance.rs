@@ -47,6 +47,69 @@ pub(super) struct Rates {
     pub by_time: f64,
 }
 
+/// An arm over one pose at one time, for distances with their rates.
+pub(super) struct Now<'a> {
+    near: &'a ArmClearance,
+    scene: &'a Scene,
+    t: f64,
+    shoulder: Vector3<f64>,
+    wrist: Vector3<f64>,
+    /// What the swivel does not move.
+    fixed: Rates,
+}
+
+impl Now<'_> {
+    /// Distance, its derivatives by the swivel and by the time (obstacles move, the arm stands).
+    pub fn rates(&self, motion: &SelfMotion, u: [f64; 2], branch: usize) -> Rates {
+        if self.near.plain.is_none() {
+            return self.near.rates_by_kinematics(motion, self.scene, self.t, u, branch);
+        }
+        let (elbow, rate) = (motion.elbow(u), motion.elbow_rate(u));
+        // The elbow is the end of the two links that move.
+        self.least(self.fixed, &[(self.shoulder, elbow, 1.0), (self.wrist, elbow, 1.0)], &rate)
+    }
+
+    /// The least of `least` and the distances of links (start, end, how much of `rate` the end moves).
+    #[inline(always)]
+    fn least(
+        &self,
+        mut least: Rates,
+        links: &[(Vector3<f64>, Vector3<f64>, f64)],
+        rate: &Vector3<f64>,
+    ) -> Rates {
+        let radius = self.near.radius;
+        for (obstacle, ball) in self.scene.obstacles().iter().zip(self.scene.balls()) {
+            let moves = obstacle.velocity != Vector3::zeros();
+            let by = if moves { obstacle.velocity * self.t } else { Vector3::zeros() };
+            let moved;
+            let shape = if moves {
+                moved = obstacle.shape.moved(&by);
+                &moved
+            } else {
+                &obstacle.shape
+            };
+            let center = ball.0 + by;
+            for (start, end, share) in links {
+                let half = 0.5 * (end - start).norm();
+                let far = least.distance + radius + half + ball.1;
+                if half == 0.0 || (0.5 * (start + end) - center).norm_squared() > far * far && far > 0.0 {
+                    continue;
+                }
+                let near = segment_distance(start, end, shape);
+                let distance = near.distance - radius;
+                if distance < least.distance {
+                    least = Rates {
+                        distance,
+                        by_swivel: near.gradient.dot(rate) * near.share * share,
+                        by_time: -near.gradient.dot(&obstacle.velocity),
+                    };
+                }
+            }
+        }
+        least
+    }
+}
+
 impl ArmClearance {
     pub fn new(arm: &SrsArm, radius: f64) -> Result<Self> {
         let geometry = LinkGeometry::joint_to_joint(arm.chain(), radius)?;
@@ -92,55 +155,22 @@ impl ArmClearance {
         each.fold(over.fixed + self.radius, f64::min) - self.radius
     }
 
-    /// Distance over a pose at time `t`, its derivatives by the swivel and by the time (obstacles move, the arm stands),
-    /// without allocation where the two links are plain.
-    pub fn with_rates(
-        &self,
-        motion: &SelfMotion,
-        pose: &Pose,
-        scene: &Scene,
-        t: f64,
-        u: [f64; 2],
-        branch: usize,
-    ) -> Rates {
-        let mut least = Rates { distance: f64::INFINITY, by_swivel: 0.0, by_time: 0.0 };
-        let Some([first, last]) = self.plain else {
-            return self.rates_by_kinematics(motion, scene, t, u, branch);
+    /// Prepares a pose at time `t` for [`Now::rates`], without allocation where the two links are plain.
+    pub fn now<'a>(&'a self, pose: &Pose, scene: &'a Scene, t: f64) -> Now<'a> {
+        let mut now = Now {
+            near: self,
+            scene,
+            t,
+            shoulder: self.arm.shoulder(),
+            wrist: pose.rotation * self.arm.wrist_in_tool() + pose.translation.vector,
+            fixed: Rates { distance: f64::INFINITY, by_swivel: 0.0, by_time: 0.0 },
         };
-        let at = |local: &Vector3<f64>| pose.rotation * local + pose.translation.vector;
-        let (shoulder, wrist) = (self.arm.shoulder(), at(&self.arm.wrist_in_tool()));
-        let (last, tip) = (at(&last), pose.translation.vector);
-        let (elbow, rate) = (motion.elbow(u), motion.elbow_rate(u));
-        // The elbow is the end of the two links that move.
-        let links = [
-            (shoulder, elbow, 1.0),
-            (wrist, elbow, 1.0),
-            (first, shoulder, 0.0),
-            (wrist, last, 0.0),
-            (last, tip, 0.0),
-        ];
-        for obstacle in scene.obstacles() {
-            let moves = obstacle.velocity != Vector3::zeros();
-            let shape = if moves { obstacle.at(t).shape } else { obstacle.shape };
-            let (center, ball) = shape.bounding_ball();
-            for (start, end, share) in &links {
-                let half = 0.5 * (end - start).norm();
-                let far = least.distance + self.radius + half + ball;
-                if half == 0.0 || (0.5 * (start + end) - center).norm_squared() > far * far && far > 0.0 {
-                    continue;
-                }
-                let near = segment_distance(start, end, &shape);
-                let distance = near.distance - self.radius;
-                if distance < least.distance {
-                    least = Rates {
-                        distance,
-                        by_swivel: near.gradient.dot(&rate) * near.share * share,
-                        by_time: -near.gradient.dot(&obstacle.velocity),
-                    };
-                }
-            }
-        }
-        least
+        let Some([first, last]) = self.plain else { return now };
+        let last = pose.rotation * last + pose.translation.vector;
+        let fixed = [(first, now.shoulder), (now.wrist, last), (last, pose.translation.vector)]
+            .map(|(a, b)| (a, b, 0.0));
+        now.fixed = now.least(now.fixed, &fixed, &Vector3::zeros());
+        now
     }
 
     fn rates_by_kinematics(

@@ -7,6 +7,9 @@ mod orientation_rule;
 mod speed;
 mod swivel_flow;
 mod swivel_plan;
+mod swivel_problem;
+mod swivel_refine;
+mod swivel_search;
 mod tracker;
 
 pub use orientation_plan::{
@@ -16,6 +19,6 @@ pub use orientation_rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Sur
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
-pub use swivel_flow::{FlowForm, FlowStep, SwivelFlow, SwivelFlowSettings};
+pub use swivel_flow::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings};
 pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 pub use tracker::{Track, TrackSettings, track};

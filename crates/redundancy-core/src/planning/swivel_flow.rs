@@ -12,8 +12,11 @@
 //! F_obst = (dd/ds / |dd/ds|) ((d_act - d) / (d_act - d_safe))^2  for d < d_act, smooth at dd/ds = 0
 //! ```
 //! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
-//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). A barrier then asks for
-//! `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
+//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). With the rate before, the new
+//! one is smoothed, and the swivel does not turn round for next to nothing, beside an obstacle not for a sum that is small
+//! against `l2 F_obst`: the balance of wish and obstacle goes to and fro with the path, and following all of that gains
+//! nothing. A barrier
+//! then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
 //! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
 //! taken, or the one that keeps most of it; where it breaks a joint limit, the step ends before it.
 //!
@@ -22,7 +25,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::arm_clearance::{ArmClearance, Rates};
+use super::arm_clearance::{ArmClearance, Now, Rates};
 use super::swivel_plan::SwivelPlan;
 use crate::error::{Error, Result, check_finite};
 use crate::path::{Event, EventKind, Path, Trajectory};
@@ -30,7 +33,7 @@ use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::self_motion::{SelfMotion, SrsArm};
 use crate::status::Status;
-use crate::tolerance::{BARRIER_SLOPE, FLOW_SLOPE, JOINT_JUMP};
+use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, FLOW_TURN, JOINT_JUMP};
 
 /// Which dynamical system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -165,11 +168,11 @@ impl SwivelFlowSettings {
 ///
 /// ```
 /// use redundancy_core::{Pose, chain::catalog, nalgebra::Vector3, scene::{Scene, Sphere}, self_motion::SrsArm};
-/// use redundancy_core::planning::{SwivelFlow, SwivelFlowSettings};
+/// use redundancy_core::planning::{FlowState, SwivelFlow, SwivelFlowSettings};
 /// let arm = SrsArm::new(&catalog::load("pa10")?)?;
 /// let ball = Sphere { center: Vector3::new(0.28, -0.35, 0.48), radius: 0.06 };
 /// let flow = SwivelFlow::new(&arm, &Scene::new(&[ball.into()])?, SwivelFlowSettings::default())?;
-/// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0)?;
+/// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0, &FlowState::default())?;
 /// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the wish, at most 3 rad/s
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
@@ -181,11 +184,22 @@ pub struct SwivelFlow {
     settings: SwivelFlowSettings,
 }
 
+/// What is known of the step before. Both may be left out.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FlowState {
+    /// The joints: the robust form then holds their speed limits too where it can, and windings go on.
+    pub q: Option<[f64; 7]>,
+    /// The rate of the swivel, rad/s ([`FlowStep::rate`]): the robust form then goes on smoothly.
+    pub rate: Option<f64>,
+}
+
 /// What one step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlowStep {
     /// The new swivel, rad, not wrapped.
     pub swivel: f64,
+    /// Its rate, rad/s. Standing still it is half the one before: so the sense in which it turned last is not forgotten.
+    pub rate: f64,
     /// Distance from the obstacles at the new swivel, m.
     pub distance: f64,
     /// The configuration, with windings that hold the limits where there are such.
@@ -229,12 +243,22 @@ impl SwivelFlow {
     }
 
     /// The swivel at `pose` after `dt`, from the swivel `s` before. `t` is the time at `pose`: obstacles that move are
-    /// where they are then.
+    /// where they are then; `before` is what is known of the step before.
     ///
     /// # Errors
     /// A pose that is not rigid or out of reach, numbers that are not finite, `dt <= 0`.
-    pub fn step(&self, pose: &Pose, s: f64, desired: f64, dt: f64, t: f64) -> Result<FlowStep> {
+    pub fn step(
+        &self,
+        pose: &Pose,
+        s: f64,
+        desired: f64,
+        dt: f64,
+        t: f64,
+        before: &FlowState,
+    ) -> Result<FlowStep> {
         check_finite("s, desired, dt, t", &[s, desired, dt, t])?;
+        check_finite("joints before", before.q.as_ref().map_or(&[], |q| q))?;
+        check_finite("rate before", before.rate.as_slice())?;
         if dt <= 0.0 {
             return Err(Error::OutOfRange { what: "dt".into(), value: dt, bound: "> 0 s".into() });
         }
@@ -242,7 +266,7 @@ impl SwivelFlow {
         if !motion.in_reach() {
             return Err(Error::Invalid(format!("no swivel over this pose: {}", motion.reason())));
         }
-        let here = At { flow: self, motion: &motion, pose, t, before: None };
+        let here = At::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
         Ok(match self.settings.form {
             FlowForm::Robust => here.robust(s, desired, dt),
             form => here.paper(s, desired, dt, form),
@@ -270,7 +294,7 @@ impl SwivelFlow {
         check_finite("desired", desired)?;
         let (mut s, mut q) = (s0, Vec::with_capacity(times.len()));
         let (mut swivel, mut clearance) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
-        let mut outside = None;
+        let (mut outside, mut rate) = (None, None);
         let mut fastest = (0.0, 0, 0);
         let mut events = Vec::new();
         let mut status = Status::Converged;
@@ -282,10 +306,10 @@ impl SwivelFlow {
                 return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
             }
             let before = q.last().map(|q| (*q, t - times[k - 1]));
-            let here = At { flow: self, motion: &motion, pose: &pose, t: *t, before };
+            let here = At::new(self, &motion, &pose, *t, before, rate);
             let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
             let step = if k == 0 {
-                here.result(s0, false)
+                here.result(s0, 0.0, false)
             } else {
                 let dt = t - times[k - 1];
                 match self.settings.form {
@@ -293,10 +317,10 @@ impl SwivelFlow {
                     form => here.paper(s, wish, dt, form),
                 }
             };
+            rate = Some(step.rate).filter(|_| k > 0);
             s = step.swivel;
-            let mut row = step.q;
+            let row = step.q;
             if let Some((before, gap)) = here.before {
-                row = unwound(&row, &before, self.arm.chain().lower(), self.arm.chain().upper());
                 let (used, joint) = self.speed(&row, &before, gap);
                 if used > 1.0 + SPEED_ROUNDING && used > fastest.0 {
                     fastest = (used, joint, k);
@@ -422,33 +446,72 @@ const MAX_ROWS: f64 = 5e6;
 struct At<'a> {
     flow: &'a SwivelFlow,
     motion: &'a SelfMotion,
-    pose: &'a Pose,
-    t: f64,
+    now: Now<'a>,
     /// The configuration before, and the time since then.
     before: Option<([f64; 7], f64)>,
+    /// The rate before, rad/s.
+    rate: Option<f64>,
 }
 
-impl At<'_> {
+/// What a swivel would be like.
+#[derive(Clone, Copy)]
+struct Candidate {
+    s: f64,
+    distance: f64,
+    q: [f64; 7],
+    within_limits: bool,
+    /// What must not be, the worst first: touching, leaving the limits, joints too fast.
+    fault: u8,
+    /// The largest joint speed as a share of its limit.
+    used: f64,
+}
+
+impl<'a> At<'a> {
+    fn new(
+        flow: &'a SwivelFlow,
+        motion: &'a SelfMotion,
+        pose: &Pose,
+        t: f64,
+        before: Option<([f64; 7], f64)>,
+        rate: Option<f64>,
+    ) -> Self {
+        Self { flow, motion, now: flow.near.now(pose, &flow.scene, t), before, rate }
+    }
+
     fn rates(&self, s: f64) -> Rates {
         let (sin, cos) = s.sin_cos();
         self.rates_at([cos, sin])
     }
 
     fn rates_at(&self, u: [f64; 2]) -> Rates {
-        let SwivelFlow { scene, near, settings, .. } = self.flow;
-        near.with_rates(self.motion, self.pose, scene, self.t, u, settings.branch)
+        self.now.rates(self.motion, u, self.flow.settings.branch)
     }
 
-    /// The configuration at a swivel: windings within the limits where there are such.
-    fn configuration(&self, s: f64) -> ([f64; 7], bool) {
+    /// A configuration with the windings that go on from the one before, or are within the limits where there are such.
+    fn wound(&self, q: &[f64; 7]) -> ([f64; 7], bool) {
+        let arm = &self.flow.arm;
+        let (q, within) = arm.within_limits_or_wound(q);
+        match &self.before {
+            Some((before, _)) => (unwound(&q, before, arm.chain().lower(), arm.chain().upper()), within),
+            None => (q, within),
+        }
+    }
+
+    /// `held`: the limits hold before the step; where they are broken already they are left to the force, so that it does
+    /// not chatter.
+    fn candidate(&self, s: f64, held: bool) -> Candidate {
         let (sin, cos) = s.sin_cos();
-        let q = self.motion.branch_at([cos, sin], self.flow.settings.branch);
-        self.flow.arm.within_limits_or_wound(&q)
+        let distance = self.rates_at([cos, sin]).distance;
+        let (q, within_limits) = self.wound(&self.motion.branch_at([cos, sin], self.flow.settings.branch));
+        let used = self.before.map_or(0.0, |(before, gap)| self.flow.speed(&q, &before, gap).0);
+        let fault = u8::from(distance < self.flow.settings.safe_distance) * 4
+            + u8::from(held && !within_limits) * 2
+            + u8::from(used > 1.0);
+        Candidate { s, distance, q, within_limits, fault, used }
     }
 
-    fn result(&self, s: f64, corrected: bool) -> FlowStep {
-        let (q, within_limits) = self.configuration(s);
-        FlowStep { swivel: s, distance: self.rates(s).distance, q, within_limits, corrected }
+    fn result(&self, s: f64, rate: f64, corrected: bool) -> FlowStep {
+        self.candidate(s, false).step(rate, corrected)
     }
 
     fn paper(&self, s: f64, desired: f64, dt: f64, form: FlowForm) -> FlowStep {
@@ -479,7 +542,7 @@ impl At<'_> {
         let force = if here.is_finite() { sign * settings.gain / here.abs().max(f64::EPSILON) } else { 0.0 };
         let rate = (settings.lambda * error.tanh() + (1.0 - settings.lambda) * force) / settings.tau;
         // Explicit Euler as in the paper, but a step of more than half a turn is none.
-        self.result(s + (rate * dt).clamp(-PI, PI), false)
+        self.result(s + (rate * dt).clamp(-PI, PI), rate, false)
     }
 
     fn robust(&self, s: f64, desired: f64, dt: f64) -> FlowStep {
@@ -487,19 +550,31 @@ impl At<'_> {
         let (sin, cos) = s.sin_cos();
         let here = self.rates_at([cos, sin]);
         let (q, slopes) = self.motion.branch_with_rates([cos, sin], settings.branch);
+        let (_, held) = self.wound(&q);
         let [wish, away, singular, limits] = settings.weights;
         let mut force = wish * (desired - s).sin();
+        let mut stick = 0.0;
         if here.distance < settings.active_distance {
             let depth = (settings.active_distance - here.distance)
                 / (settings.active_distance - settings.safe_distance);
             // Smooth where the slope changes sign.
             let direction =
                 here.by_swivel / (here.by_swivel * here.by_swivel + FLOW_SLOPE * FLOW_SLOPE).sqrt();
-            force += away * direction * (depth * depth).min(4.0);
+            let push = away * direction * (depth * depth).min(4.0);
+            force += push;
+            stick = FLOW_FRICTION * push.abs();
         }
         let (gimbal, room) = self.flow.arm.gimbal_and_limit_slopes(&q, &slopes);
         force += singular * gimbal.tanh() - limits * room.tanh();
-        let mut rate = (force / settings.tau).clamp(-settings.max_rate, settings.max_rate);
+        let bounded = |rate: f64| rate.clamp(-settings.max_rate, settings.max_rate);
+        let mut rate = bounded(force / settings.tau);
+        if let Some(before) = self.rate {
+            // Beside an obstacle it takes more than a small force to turn round.
+            if force * before < 0.0 && force.abs() < stick {
+                rate = 0.0;
+            }
+            rate = bounded(before + (rate - before) * dt / (dt + FLOW_SMOOTHING * settings.tau));
+        }
         let mut corrected = false;
         // The barrier: how fast the distance may shrink.
         let floor = -settings.barrier_rate * (here.distance - settings.safe_distance) - here.by_time;
@@ -507,55 +582,63 @@ impl At<'_> {
             // What is missing, along the slope; bounded where the slope changes sign.
             let slope = here.by_swivel;
             let missing = floor - slope * rate;
-            rate += missing * slope / (slope * slope + BARRIER_SLOPE * BARRIER_SLOPE);
-            rate = rate.clamp(-settings.max_rate, settings.max_rate);
+            rate = bounded(rate + missing * slope / (slope * slope + BARRIER_SLOPE * BARRIER_SLOPE));
             corrected = true;
         }
-        let next = s + rate * dt;
-        // What the step must not do, the worst first: touch, leave the limits, turn a joint too fast. Limits that are
-        // broken already are left to the force, so that it does not chatter.
-        let held = self.configuration(s).1;
-        let faults = |s: f64| {
-            let (q, within) = self.configuration(s);
-            let fast = self.before.is_some_and(|(before, gap)| {
-                let chain = self.flow.arm.chain();
-                self.flow.speed(&unwound(&q, &before, chain.lower(), chain.upper()), &before, gap).0 > 1.0
-            });
-            let distance = self.rates(s).distance;
-            (
-                u8::from(distance < settings.safe_distance) * 4
-                    + u8::from(held && !within) * 2
-                    + u8::from(fast),
-                distance,
-            )
-        };
-        let (fault, distance) = faults(next);
-        if fault == 0 {
-            return self.result(next, corrected);
+        let next = self.candidate(s + rate * dt, held);
+        if next.fault == 0 {
+            return self.unless_turning(next, s, dt, held, corrected);
         }
-        // The nearest swivel within the rate limit with less to blame; too near to an obstacle, the one that is furthest.
+        // The nearest swivel within the rate limit with less to blame; too near to an obstacle, the one that is furthest;
+        // too fast, the slowest.
         let reach = settings.max_rate * dt;
-        let mut best = (fault, distance, next);
+        let mut best = next;
         for i in 0..=LOOK_AROUND {
-            let candidate = s + reach * (2.0 * i as f64 / LOOK_AROUND as f64 - 1.0);
-            let (fault, distance) = faults(candidate);
-            let nearer = (candidate - next).abs() < (best.2 - next).abs();
-            if fault < best.0 || fault == best.0 && if fault >= 4 { distance > best.1 } else { nearer } {
-                best = (fault, distance, candidate);
+            let other = self.candidate(s + reach * (2.0 * i as f64 / LOOK_AROUND as f64 - 1.0), held);
+            let better = match other.fault {
+                fault if fault != best.fault => fault < best.fault,
+                4.. => other.distance > best.distance,
+                1 => other.used < best.used,
+                _ => (other.s - next.s).abs() < (best.s - next.s).abs(),
+            };
+            if better {
+                best = other;
             }
         }
         // Back towards the wish as far as nothing speaks against it.
-        let mut wish = next;
+        let mut wish = next.s;
         for _ in 0..BISECTIONS {
-            let middle = 0.5 * (best.2 + wish);
-            let (fault, distance) = faults(middle);
-            if best.0 < 4 && fault <= best.0 {
-                best = (fault, distance, middle);
+            if best.fault >= 4 || best.fault == 1 {
+                break;
+            }
+            let middle = self.candidate(0.5 * (best.s + wish), held);
+            if middle.fault <= best.fault {
+                best = middle;
             } else {
-                wish = middle;
+                wish = middle.s;
             }
         }
-        self.result(best.2, true)
+        self.unless_turning(best, s, dt, held, true)
+    }
+
+    /// The same, or standing still where it would turn round for next to nothing and standing is no worse.
+    fn unless_turning(&self, step: Candidate, s: f64, dt: f64, held: bool, corrected: bool) -> FlowStep {
+        let rate = (step.s - s) / dt;
+        let (before, mut out) = (self.rate.unwrap_or(0.0), step);
+        if before * rate < 0.0 && rate.abs() < FLOW_TURN {
+            let still = self.candidate(s, held);
+            if still.fault <= step.fault {
+                out = still;
+            }
+        }
+        out.step(if out.s == s { 0.5 * before } else { rate }, corrected)
+    }
+}
+
+impl Candidate {
+    fn step(self, rate: f64, corrected: bool) -> FlowStep {
+        let Self { s, distance, q, within_limits, .. } = self;
+        FlowStep { swivel: s, rate, distance, q, within_limits, corrected }
     }
 }
 

@@ -112,6 +112,11 @@ impl Scene {
         self.inner.obstacles.iter().map(|o| &o.shape).zip(&self.inner.balls)
     }
 
+    /// Balls around the obstacles at time 0.
+    pub(crate) fn balls(&self) -> &[(Vector3<f64>, f64)] {
+        &self.inner.balls
+    }
+
     /// True where some obstacle moves.
     pub fn moves(&self) -> bool {
         self.obstacles().iter().any(|o| o.velocity != Vector3::zeros())

@@ -139,6 +139,16 @@ impl SelfMotion {
         self.reach == Reach::Inside
     }
 
+    /// Bit `b`: branch `b` holds its limits at swivel `s` (at a boundary: on one side of it at least).
+    pub(crate) fn allowed(&self, s: f64) -> u8 {
+        if self.in_reach() { self.arcs().at(s) } else { 0 }
+    }
+
+    /// Where a branch holds its limits, as [`Branch::intervals`] without a margin.
+    pub(crate) fn arcs_of(&self, branch: usize) -> Vec<[f64; 2]> {
+        if self.in_reach() { self.arcs().of(branch) } else { Vec::new() }
+    }
+
     /// Indices of [`SelfMotion::branches`].
     pub(super) fn branch_indices(&self) -> impl Iterator<Item = usize> + use<> {
         let reachable = self.reach == Reach::Inside;

@@ -222,6 +222,22 @@ impl Arcs {
         self.arcs[arc] & (1 << branch) != 0
     }
 
+    /// Bit `b`: branch `b` holds its limits at `s`; at a cut and by rounding beside it, on one of its sides.
+    pub(super) fn at(&self, s: f64) -> u8 {
+        let s = wrapped(s);
+        let (n, after) = (self.cuts.len(), self.cuts.partition_point(|cut| *cut <= s));
+        if n == 0 {
+            return self.arcs[0];
+        }
+        let arc = |i: usize| self.arcs[i % n];
+        let here = arc(after + n - 1);
+        let near = |i: usize| (self.cuts[i % n] - s).abs() < LIMITS_MEET;
+        let before =
+            if near(after + n - 1) { arc(after + 2 * n - 2) | self.points[(after + n - 1) % n] } else { 0 };
+        let next = if near(after) { arc(after) | self.points[after % n] } else { 0 };
+        here | before | next
+    }
+
     /// The intervals of one branch.
     pub(super) fn of(&self, branch: usize) -> Vec<[f64; 2]> {
         let bit = 1u8 << branch;

@@ -85,6 +85,13 @@ pub struct SrsArm {
     pub(super) inner: Arc<Inner>,
 }
 
+/// The same chain seen in the same chart: everything else follows.
+impl PartialEq for SrsArm {
+    fn eq(&self, other: &Self) -> bool {
+        self.inner.chain == other.inner.chain && self.inner.chart == other.inner.chart
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct Inner {
     pub chain: Chain,
