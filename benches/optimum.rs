@@ -8,12 +8,12 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use redundancy_core::chain::{Chain, catalog};
-use redundancy_core::criterion::{self as goal, JointRange, Manipulability};
+use redundancy_core::criterion::{self as goal, JointRange, Manipulability, Posture};
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::optimum::{
     Classifier, FollowSettings, OptimaSettings, SingularitySettings, algorithmic_singularities,
-    constrained_optima, follow_optimum,
+    constrained_optima, follow_optimum, singularity_curves,
 };
 use redundancy_core::path::Circle;
 use redundancy_core::self_motion::{TraceSettings, trace_self_motion};
@@ -90,6 +90,11 @@ fn planar(c: &mut Criterion) {
             algorithmic_singularities(&arm, black_box(&h), Task::PLANAR, &SingularitySettings::default())
                 .unwrap()
         })
+    });
+    let posture = Posture::new(&[0.3, 0.5, 0.7]).unwrap();
+    let settings = SingularitySettings { starts: 300, ..SingularitySettings::default() };
+    c.bench_function("optimum/singularity_curves/planar3r/8_curves", |b| {
+        b.iter(|| singularity_curves(&arm, black_box(&posture), Task::PLANAR, &settings, 0.05).unwrap())
     });
 }
 

@@ -143,12 +143,20 @@ pub enum RuleKind {
 /// assert!(((turned[2] * Vector3::z()).dot(&-Vector3::z()) - 0.2f64.cos()).abs() < 1e-15);
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct OrientationRule {
     kind: RuleKind,
     orientation: Rotation3<f64>,
     surface: Option<Surface>,
+    /// What the kind needs, made once: the two cones of the axis, and all cones of V2.
     cones: Option<TwoCones>,
+    optimizer: Option<OrientationOptimizer>,
+}
+
+impl PartialEq for OrientationRule {
+    fn eq(&self, other: &Self) -> bool {
+        (self.kind, self.orientation, self.surface) == (other.kind, other.orientation, other.surface)
+    }
 }
 
 /// The tool axis points down: `Ry(pi)`.
@@ -168,6 +176,7 @@ impl OrientationRule {
             }
             Err(Error::OutOfRange { what: what.into(), value, bound: "in (0, pi/2) rad".into() })
         };
+        let mut optimizer = None;
         let cones = match &kind {
             RuleKind::Constant | RuleKind::Pointing => None,
             RuleKind::TiltSquare { angle, .. } | RuleKind::TiltDisc { angle, .. } => {
@@ -182,12 +191,17 @@ impl OrientationRule {
                     return Err(Error::OutOfRange { what: "distance".into(), value: b.distance, bound });
                 }
                 if let RuleKind::BarrierTwoCones { gamma, k_x, .. } = &kind {
-                    Barrier::new(*k_x, Cone::x([1.0, 0.0, 0.0], *gamma)?)?;
+                    let barriers = vec![
+                        Barrier::new(b.k_err, Cone::downward(b.beta)?)?,
+                        Barrier::new(b.k_tcp, Cone::downward(b.alpha)?)?,
+                        Barrier::new(*k_x, Cone::x([1.0, 0.0, 0.0], *gamma)?)?,
+                    ];
+                    optimizer = Some(OrientationOptimizer::new(barriers, OrientationSettings::default())?);
                 }
                 Some(TwoCones::new(b.beta, b.alpha, b.k_err, b.k_tcp)?)
             }
         };
-        Ok(Self { kind, orientation: tool_down(), surface: None, cones })
+        Ok(Self { kind, orientation: tool_down(), surface: None, cones, optimizer })
     }
 
     /// The same rule around another orientation without freedom.
@@ -243,10 +257,17 @@ impl OrientationRule {
             check_finite(&format!("position {i}"), p.as_slice())?;
         }
         let surface = self.surface.unwrap_or_else(|| Surface::around(positions));
-        positions.iter().enumerate().map(|(i, p)| self.at(i, p, &surface)).collect()
+        let mut optimizer = self.optimizer.clone();
+        positions.iter().enumerate().map(|(i, p)| self.at(i, p, &surface, &mut optimizer)).collect()
     }
 
-    fn at(&self, row: usize, p: &Vector3<f64>, surface: &Surface) -> Result<Rotation3<f64>> {
+    fn at(
+        &self,
+        row: usize,
+        p: &Vector3<f64>,
+        surface: &Surface,
+        optimizer: &mut Option<OrientationOptimizer>,
+    ) -> Result<Rotation3<f64>> {
         let (dx, dy) = (p.x - surface.center[0], p.y - surface.center[1]);
         // Beyond the extents the lean stays at its largest.
         let share = |d: f64, most: f64| if most > 0.0 { (d / most).clamp(-1.0, 1.0) } else { 0.0 };
@@ -279,18 +300,13 @@ impl OrientationRule {
             RuleKind::BarrierSpin(rule) => {
                 Ok(self.swing(row, [dx, dy], rule)?.to_rotation_matrix() * frame(RuleSpin::Pointing))
             }
-            RuleKind::BarrierTwoCones { axis: rule, gamma, k_x } => {
+            RuleKind::BarrierTwoCones { axis: rule, .. } => {
                 let start = self.swing(row, [dx, dy], rule)?.to_rotation_matrix() * frame(RuleSpin::Pointing);
-                let u = self.orientation * Vector3::z();
+                let u = Unit::new_unchecked(self.orientation * Vector3::z());
                 let c = self.wanted([dx, dy], rule)?;
-                let b = frame(RuleSpin::Pointing) * Vector3::x();
-                let z = [0.0, 0.0, 1.0];
-                let barriers = vec![
-                    Barrier::new(rule.k_err, Cone::new(z, u.into(), rule.beta)?)?,
-                    Barrier::new(rule.k_tcp, Cone::new(z, c.into_inner().into(), rule.alpha)?)?,
-                    Barrier::new(*k_x, Cone::x(b.into(), *gamma)?)?,
-                ];
-                let optimizer = OrientationOptimizer::new(barriers, OrientationSettings::default())?;
+                let b = Unit::new_unchecked(frame(RuleSpin::Pointing) * Vector3::x());
+                let Some(optimizer) = optimizer else { return Ok(start) };
+                optimizer.turn_to(&[u, c, b]);
                 let best = optimizer.solve(Some(&UnitQuaternion::from_rotation_matrix(&start)));
                 if best.status == Status::Infeasible {
                     return Err(missed(row, best.miss_angle));

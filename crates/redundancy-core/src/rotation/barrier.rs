@@ -46,6 +46,13 @@ impl Barrier {
         Ok(Self { weight, constraint: constraint.into() })
     }
 
+    /// The same barrier of the same cone around another direction; a spin stays as it is.
+    pub(crate) fn turn_to(&mut self, direction: nalgebra::Unit<Vector3<f64>>) {
+        if let Constraint::Cone(cone) = &mut self.constraint {
+            *cone = cone.towards(direction);
+        }
+    }
+
     /// The weight.
     pub fn weight(&self) -> f64 {
         self.weight

@@ -88,6 +88,12 @@ impl Cone {
         Self { body_axis, direction, half_angle, sin2: s * s, cos2: c * c }
     }
 
+    /// The same cone around another direction.
+    pub(crate) fn towards(mut self, direction: Unit<Vector3<f64>>) -> Self {
+        self.direction = direction;
+        self
+    }
+
     /// Cone of the body z axis around `direction`.
     ///
     /// # Errors

@@ -287,6 +287,18 @@ impl OrientationOptimizer {
         Ok(Self { barriers, settings, method, structure, symmetry, least, curvature, base })
     }
 
+    /// Turns the cones to other directions, in order, without anything made anew: only for cones on different body axes,
+    /// whose structure does not depend on where they point.
+    pub(crate) fn turn_to(&mut self, directions: &[Unit<Vector3<f64>>]) {
+        debug_assert!(
+            matches!(self.structure, Structure::General) && !matches!(self.symmetry, Symmetry::Body(_))
+        );
+        for (barrier, direction) in self.barriers.iter_mut().zip(directions) {
+            barrier.turn_to(*direction);
+        }
+        self.symmetry = symmetry_of(&self.barriers);
+    }
+
     /// The barriers.
     pub fn barriers(&self) -> &[Barrier] {
         &self.barriers
