@@ -178,7 +178,7 @@ pub struct SwivelPlan {
 }
 
 /// Plans the swivel along a path. When the path has times the joint velocity limits of the settings hold between
-/// neighbouring points; otherwise a joint step of more than [`JOINT_JUMP`] counts as a jump.
+/// neighbouring points; otherwise a joint step of more than [`JOINT_JUMP`](crate::tolerance::JOINT_JUMP) counts as a jump.
 ///
 /// `progress` is called with the share of the work done, in `[0, 1]`; returning `false` stops with `Cancelled`.
 ///
