@@ -193,6 +193,10 @@ def test_folder_that_cannot_be_made(capsys, raster, tmp_path):
     assert status == 2 and "file" in err
 
 
+def test_version(capsys):
+    assert run(capsys, "--version")[:2] == (0, f"redundancy {rd.__version__}\n")
+
+
 def test_usage_errors_and_help(capsys):
     assert run(capsys, "track", "--robot", "pa10")[0] == 2
     assert run(capsys, "no-such-command")[0] == 2

@@ -259,3 +259,14 @@ def test_collision_geometry_that_cannot_be_read() -> None:
         rd.LinkGeometry(chain).with_capsule("l2", [0, 0, 0], [0, 0, 1], -0.1)
     with pytest.raises(rd.RedundancyError, match="l9"):
         rd.LinkGeometry(chain).with_capsule("l9", [0, 0, 0], [0, 0, 1], 0.1)
+
+
+def test_what_is_no_scene() -> None:
+    ball = rd.Sphere((0.5, 0, 0.5), 0.1)
+    with pytest.raises(TypeError, match="obstacles is one Sphere, expected a list"):
+        rd.Scene(ball)  # type: ignore[arg-type]
+    with pytest.raises(rd.RedundancyError, match="unknown key 'x'"):
+        rd.Scene.from_json_string('{"obstacles": [], "x": 1}')
+    for radius, centre in ((1e300, 0.0), (1.0, 1e155)):
+        with pytest.raises(rd.RedundancyError, match=r"must be within \+-1e9 m"):
+            rd.Scene([rd.Sphere((centre, 0, 0), radius)])

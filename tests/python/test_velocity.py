@@ -210,3 +210,17 @@ def test_what_track_refuses(iiwa: rd.Chain) -> None:
         rd.track(iiwa, scheme, path, q0, 1e-9)
     with pytest.raises(rd.RedundancyError, match="q"):
         rd.track(iiwa, scheme, path, np.full(6, 0.3), 0.01)
+
+
+def test_a_step_longer_than_the_path() -> None:
+    arm = rd.catalog.load("iiwa14")
+    q = np.array([0.3, 0.6, -0.2, -1.2, 0.1, 0.5, 0.4])
+    path = rd.Path(arm.forward(np.array([q, q + 0.01]))).with_times(np.array([0.0, 1.0]))
+    with pytest.raises(rd.RedundancyError, match="dt is 2, it must be <= 1 s, the duration of the path"):
+        rd.track(arm, rd.ProjectedGradient(arm, None, 0.0), path, q, 2.0, 0.1)
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e308, 1e-300])
+def test_factors_that_would_overflow(factor: float) -> None:
+    with pytest.raises(rd.RedundancyError, match="of a magnitude from 1e-60 to 1e60"):
+        factor * rd.JointRange(rd.catalog.load("iiwa14"))

@@ -487,3 +487,10 @@ pub const FLOW_SMOOTHING: f64 = 0.5;
 
 /// Rate (rad/s) below which a swivel flow does not turn round when standing still will do.
 pub const FLOW_TURN: f64 = 0.2;
+
+/// Largest coordinate and size of an obstacle, m: squares and products of these stay far from overflow, and a millionth of
+/// a metre is still told apart.
+pub const SCENE_SIZE: f64 = 1e9;
+
+/// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
+pub const CRITERION_FACTOR: f64 = 1e60;

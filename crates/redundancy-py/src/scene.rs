@@ -1,6 +1,7 @@
 //! Obstacles, and how far an arm is from them.
 
 use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use redundancy_core::chain::{Chain, CollisionBody};
@@ -240,7 +241,15 @@ impl PyScene {
     #[pyo3(signature = (obstacles=None))]
     fn new(obstacles: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let mut list = Vec::new();
-        for item in obstacles.into_iter().flat_map(|o| o.try_iter().ok()).flatten() {
+        let items = obstacles.map(|given| {
+            let unfit = |_| {
+                let word = given.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+                let message = format!("obstacles is one {word}, expected a list of Sphere, Box and Capsule");
+                PyTypeError::new_err(message)
+            };
+            given.try_iter().map_err(unfit)
+        });
+        for item in items.transpose()?.into_iter().flatten() {
             let item = item?;
             list.push(match item.extract::<AnyObstacle<'_>>() {
                 Ok(AnyObstacle::Sphere(o)) => o.get().obstacle,

@@ -8,6 +8,7 @@ use super::{Criterion, JointSpring, Sense};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::Kinematics;
+use crate::tolerance::CRITERION_FACTOR;
 
 /// Joints up to which the gradient of a term lies on the stack: more than any arm has.
 const STACK_JOINTS: usize = 16;
@@ -24,15 +25,12 @@ impl Weighted {
     /// A multiple; a negative factor turns the sense round.
     ///
     /// # Errors
-    /// A factor that is zero or not finite.
+    /// A factor that is not finite, zero, or of a magnitude whose square or reciprocal would overflow.
     pub fn multiple(factor: f64, criterion: Arc<dyn Criterion>) -> Result<Self> {
         check_finite("factor", &[factor])?;
-        if factor == 0.0 {
-            return Err(Error::OutOfRange {
-                what: "factor".into(),
-                value: factor,
-                bound: "different from 0".into(),
-            });
+        if !(1.0 / CRITERION_FACTOR..=CRITERION_FACTOR).contains(&factor.abs()) {
+            let bound = format!("of a magnitude from {:e} to {CRITERION_FACTOR:e}", 1.0 / CRITERION_FACTOR);
+            return Err(Error::OutOfRange { what: "factor".into(), value: factor, bound });
         }
         let sense = if factor < 0.0 { criterion.sense().flipped() } else { criterion.sense() };
         Ok(Self { dof: criterion.dof(), sense, terms: vec![(factor, criterion)] })

@@ -23,6 +23,9 @@ use crate::self_motion::{
 };
 use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE, TRACE_ONE_STEP};
 
+/// Most random starts of one call: seconds to minutes.
+pub(crate) const MOST_STARTS: usize = 100_000;
+
 /// Settings of [`constrained_optima`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OptimaSettings {
@@ -80,6 +83,10 @@ pub fn constrained_optima(
     settings: &OptimaSettings,
 ) -> Result<Vec<CriticalPoint>> {
     check_pose("target", target)?;
+    if settings.starts > MOST_STARTS {
+        let (what, value) = ("starts".into(), settings.starts as f64);
+        return Err(Error::OutOfRange { what, value, bound: format!("<= {MOST_STARTS}") });
+    }
     let trace = TraceSettings { step: settings.step, ..TraceSettings::default() };
     trace.validate()?;
     let mut search = Search::new(chain, target, criterion, task)?;
@@ -88,10 +95,6 @@ pub fn constrained_optima(
             search.along(&curve);
         }
     } else {
-        if settings.starts > 1_000_000 {
-            let (what, value) = ("starts".into(), settings.starts as f64);
-            return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
-        }
         for q in random_configurations(chain, settings.seed, settings.starts) {
             search.newton(q);
         }

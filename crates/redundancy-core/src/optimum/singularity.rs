@@ -17,6 +17,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::classify::Classifier;
+use super::critical_points::MOST_STARTS;
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
@@ -74,7 +75,7 @@ pub struct SingularPoint {
 /// ```
 ///
 /// # Errors
-/// A criterion for another number of joints, a task that leaves no freedom, more than a million starts.
+/// A criterion for another number of joints, a task that leaves no freedom, more than 100 000 starts.
 pub fn algorithmic_singularities(
     chain: &Chain,
     criterion: &dyn Criterion,
@@ -115,9 +116,9 @@ impl<'a> SingularitySearch<'a> {
         task: Task,
         settings: &SingularitySettings,
     ) -> Result<Self> {
-        if settings.starts > 1_000_000 {
+        if settings.starts > MOST_STARTS {
             let (what, value) = ("starts".into(), settings.starts as f64);
-            return Err(Error::OutOfRange { what, value, bound: "<= 1000000".into() });
+            return Err(Error::OutOfRange { what, value, bound: format!("<= {MOST_STARTS}") });
         }
         let task = geometric(task);
         let mut classifier = Classifier::new(chain, criterion, task)?;

@@ -72,7 +72,7 @@ pub struct Track {
 /// A path without times is timed first: the least joint motion along it may use half of the velocity limits.
 ///
 /// # Errors
-/// Invalid settings; a wrong q0; a path of positions for a task that needs an orientation; more than 10 million steps;
+/// Invalid settings; a dt that is longer than the path lasts; a wrong q0; a path of positions for a task that needs an orientation; more than 10 million steps;
 /// what the resolver refuses; positions that overflow.
 pub fn track(
     resolver: &dyn Resolver,
@@ -95,6 +95,10 @@ pub fn track(
         None => TimedPath::new(&path.with_times(Some(&times_for(&*resolver, path, q0)?))?)?,
     };
     let (first, last) = timed.span();
+    if last > first && settings.dt > last - first {
+        let bound = format!("<= {} s, the duration of the path", last - first);
+        return Err(Error::OutOfRange { what: "dt".into(), value: settings.dt, bound });
+    }
     let steps = ((last - first) / settings.dt + 1e-9).floor();
     if steps > MOST_STEPS {
         let bound = format!(">= {} (at most 10 million steps)", (last - first) / MOST_STEPS);

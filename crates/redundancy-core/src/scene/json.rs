@@ -54,6 +54,9 @@ impl Scene {
         let Some(list) = value.get("obstacles").and_then(Value::as_array) else {
             return Err(Error::Invalid("a scene is an object with a list 'obstacles'".into()));
         };
+        if let Some(key) = value.as_object().and_then(|map| map.keys().find(|key| *key != "obstacles")) {
+            return Err(Error::Invalid(format!("unknown key '{key}', a scene has only 'obstacles'")));
+        }
         let read = |(i, entry): (usize, &Value)| {
             let word = entry.get("type").and_then(Value::as_str).unwrap_or("no type");
             obstacle(entry).map_err(|error| named(i, word, &error))

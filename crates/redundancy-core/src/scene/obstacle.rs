@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use crate::error::{Error, Result, check_finite};
 use crate::pose::{Pose, check_pose};
+use crate::tolerance::SCENE_SIZE;
 
 /// A ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,20 +72,32 @@ impl Shape {
     /// # Errors
     /// Entries that are not finite, a radius or half extent that is negative, a pose that is not rigid.
     pub fn validate(&self) -> Result<()> {
+        // Squares of what is further away or larger would overflow, and a collision read as clear.
+        let near = |what: &str, values: &[f64]| {
+            check_finite(what, values)?;
+            match values.iter().find(|value| value.abs() > SCENE_SIZE) {
+                Some(value) => {
+                    let bound = format!("within +-{SCENE_SIZE:e} m");
+                    Err(Error::OutOfRange { what: what.into(), value: *value, bound })
+                }
+                None => Ok(()),
+            }
+        };
         let size = |what: &str, value: f64| {
             check_finite(what, &[value])?;
             if value < 0.0 {
                 return Err(Error::OutOfRange { what: what.into(), value, bound: ">= 0 m".into() });
             }
-            Ok(())
+            near(what, &[value])
         };
         match self {
             Self::Sphere(sphere) => {
-                check_finite("center", sphere.center.as_slice())?;
+                near("center", sphere.center.as_slice())?;
                 size("radius", sphere.radius)
             }
             Self::Box(cuboid) => {
                 check_pose("pose", &cuboid.pose)?;
+                near("position", cuboid.pose.translation.vector.as_slice())?;
                 cuboid
                     .half_extents
                     .iter()
@@ -92,8 +105,8 @@ impl Shape {
                     .try_for_each(|(value, axis)| size(&format!("half extent {axis}"), *value))
             }
             Self::Capsule(capsule) => {
-                check_finite("start", capsule.start.as_slice())?;
-                check_finite("end", capsule.end.as_slice())?;
+                near("start", capsule.start.as_slice())?;
+                near("end", capsule.end.as_slice())?;
                 size("radius", capsule.radius)
             }
         }
