@@ -25,7 +25,7 @@ pub enum Error {
         value: f64,
     },
     /// A number lies outside its admissible range.
-    #[error("{what} is {value}, it must be {bound}")]
+    #[error("{what} is {}, it must be {bound}", plain(*value))]
     OutOfRange {
         /// What was given.
         what: String,
@@ -134,6 +134,15 @@ pub(crate) fn check_finite(what: &str, values: &[f64]) -> Result<()> {
         None => Ok(()),
         Some(index) => Err(Error::NotFinite { what: what.into(), index, value: values[index] }),
     }
+}
+
+/// A number as a person would write it: with an exponent where it would have many zeros.
+fn plain(value: f64) -> String {
+    let size = value.abs();
+    if value.is_finite() && size != 0.0 && !(1e-6..1e16).contains(&size) {
+        return format!("{value:e}");
+    }
+    value.to_string()
 }
 
 /// Checks length and finiteness of a joint vector.

@@ -29,7 +29,7 @@ impl Weighted {
     pub fn multiple(factor: f64, criterion: Arc<dyn Criterion>) -> Result<Self> {
         check_finite("factor", &[factor])?;
         if !(1.0 / CRITERION_FACTOR..=CRITERION_FACTOR).contains(&factor.abs()) {
-            let bound = format!("of a magnitude from {:e} to {CRITERION_FACTOR:e}", 1.0 / CRITERION_FACTOR);
+            let bound = format!("not 0 and of a magnitude up to {CRITERION_FACTOR:e}, as its reciprocal");
             return Err(Error::OutOfRange { what: "factor".into(), value: factor, bound });
         }
         let sense = if factor < 0.0 { criterion.sense().flipped() } else { criterion.sense() };
