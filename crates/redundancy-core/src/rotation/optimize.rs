@@ -36,7 +36,7 @@
 //! the paper's cold start. It is continuous in all inputs except where `d` passes `+b` (at `d = b` it is
 //! `swing(d -> z)`). The sign follows the same product, or `q0`.
 //!
-//! Cost: closed form 0.25 us, Newton 0.8 us (two cones and a spin), one fixed gradient step 0.03 us.
+//! Cost: closed form 0.26 us, Newton 0.6 us (two cones and a spin), one fixed gradient step 0.03 us (two cones).
 //! References: [FromGravdahl2009].
 
 use std::f64::consts::FRAC_PI_2;
