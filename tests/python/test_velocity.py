@@ -223,6 +223,7 @@ def test_a_step_longer_than_the_path() -> None:
 @pytest.mark.parametrize("factor", [0.0, 1e308, 1e-300])
 def test_factors_that_would_overflow(factor: float) -> None:
     with pytest.raises(
-        rd.RedundancyError, match="factor is (0|1e308|1e-300), it must be not 0 and of a magnitude up to 1e60"
+        rd.RedundancyError,
+        match=r"factor is (0|1e308|1e-300), it must be not 0 and of a magnitude up to 1e60",
     ):
         factor * rd.JointRange(rd.catalog.load("iiwa14"))
