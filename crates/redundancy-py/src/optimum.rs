@@ -598,6 +598,19 @@ impl PySingularPoint {
     }
 }
 
+fn singularity_settings(seed: u64, starts: Option<usize>) -> SingularitySettings {
+    let default = SingularitySettings::default();
+    SingularitySettings { seed, starts: starts.unwrap_or(default.starts) }
+}
+
+/// The whole search, with a look for Ctrl-C between pieces.
+fn run_search(py: Python<'_>, search: &mut SingularitySearch<'_>, threads: Option<usize>) -> PyResult<()> {
+    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
+        search.run(r.len());
+        Ok(())
+    })
+}
+
 /// Where critical points vanish.
 #[pyfunction]
 #[pyo3(name = "algorithmic_singularities",
@@ -614,13 +627,9 @@ pub fn py_algorithmic_singularities(
     let chain = &chain.get().chain;
     let criterion = criterion.get().criterion.clone();
     let task = task_or_pose(task)?;
-    let default = SingularitySettings::default();
-    let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
+    let settings = singularity_settings(seed, starts);
     let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
-    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
-        search.run(r.len());
-        Ok(())
-    })?;
+    run_search(py, &mut search, threads)?;
     Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
 }
 
@@ -692,14 +701,10 @@ pub fn py_singularity_curves(
     let chain = &chain.get().chain;
     let criterion = criterion.get().criterion.clone();
     let task = task_or_pose(task)?;
-    let default = SingularitySettings::default();
-    let settings = SingularitySettings { seed, starts: starts.unwrap_or(default.starts) };
+    let settings = singularity_settings(seed, starts);
     let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
     search.check_curves(step).map_err(to_py)?;
-    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
-        search.run(r.len());
-        Ok(())
-    })?;
+    run_search(py, &mut search, threads)?;
     let mut tracer = search.tracer(step).map_err(to_py)?;
     in_blocks(py, tracer.starts(), 1, threads, |r| {
         tracer.run(r.len());

@@ -3,13 +3,12 @@
 use std::collections::HashSet;
 use std::path::Path;
 
-use nalgebra::{Rotation3, Vector3};
 use roxmltree::Node;
 
 use super::chain::Chain;
-use super::urdf::{self, Tree, Version, attribute, bad, element, elements, numbers, parse, quaternion};
+use super::urdf::{self, Tree, Version, attribute, bad, element, elements, numbers, parse, placed};
 use crate::error::{Error, Result};
-use crate::pose::{Pose, pose};
+use crate::pose::Pose;
 
 /// The shape of a collision body, in its own frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -141,12 +140,7 @@ fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     let values = |name: &str| -> Result<[f64; 3]> {
         numbers::<3>(element, name, &what)?.map_or(Ok([0.0; 3]), |words| parse(&words, &what))
     };
-    let [roll, pitch, yaw] = values("rpy")?;
-    let rotation = match quaternion(node, &what, version)? {
-        Some(q) => q.to_rotation_matrix(),
-        None => Rotation3::from_euler_angles(roll, pitch, yaw),
-    };
-    Ok(pose(*rotation.matrix(), Vector3::from(values("xyz")?)))
+    placed(values("xyz")?, values("rpy")?, node, &what, version)
 }
 
 fn shape(collision: Node, what: &str) -> Result<CollisionShape> {

@@ -527,7 +527,7 @@ fn rewrite_origin(out: &mut String, node: Node, what: &str, version: Version) ->
 
 /// The rotation of `<origin quat_xyzw>`, since URDF 1.1. Not left to urdf-rs, which makes angles of it and loses up
 /// to 4e-3 rad where the pitch is near 90 deg.
-pub(super) fn quaternion(node: Node, what: &str, version: Version) -> Result<Option<UnitQuaternion<f64>>> {
+fn quaternion(node: Node, what: &str, version: Version) -> Result<Option<UnitQuaternion<f64>>> {
     let Some(origin) = element(node, "origin").filter(|_| version >= Version(1, 1)) else { return Ok(None) };
     let Some(words) = numbers::<4>(origin, "quat_xyzw", what)? else { return Ok(None) };
     let [x, y, z, w] = parse(&words, what)?;
@@ -687,13 +687,23 @@ fn limits(limit: &urdf_rs::JointLimit, kind: JointKind, given: bool) -> Limits {
 }
 
 /// `R = Rz(yaw) Ry(pitch) Rx(roll)`, or that of the quaternion.
-fn transform(origin: &urdf_rs::Pose, node: Node, version: Version) -> Result<Pose> {
-    let [roll, pitch, yaw] = *origin.rpy;
-    let rotation = match quaternion(node, "origin", version)? {
+pub(super) fn placed(
+    xyz: [f64; 3],
+    [roll, pitch, yaw]: [f64; 3],
+    node: Node,
+    what: &str,
+    version: Version,
+) -> Result<Pose> {
+    let rotation = match quaternion(node, what, version)? {
         Some(q) => q.to_rotation_matrix(),
         None => Rotation3::from_euler_angles(roll, pitch, yaw),
     };
-    Ok(pose(*rotation.matrix(), Vector3::from(*origin.xyz)))
+    Ok(pose(*rotation.matrix(), Vector3::from(xyz)))
+}
+
+/// The same from what urdf-rs has read.
+fn transform(origin: &urdf_rs::Pose, node: Node, version: Version) -> Result<Pose> {
+    placed(*origin.xyz, *origin.rpy, node, "origin", version)
 }
 
 /// The body in its own frame: axes of `<inertial><origin>`, at the centre of mass.

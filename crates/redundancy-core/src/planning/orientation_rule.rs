@@ -305,7 +305,9 @@ impl OrientationRule {
                 let u = Unit::new_unchecked(self.orientation * Vector3::z());
                 let c = self.wanted([dx, dy], rule)?;
                 let b = Unit::new_unchecked(frame(RuleSpin::Pointing) * Vector3::x());
-                let Some(optimizer) = optimizer else { return Ok(start) };
+                let Some(optimizer) = optimizer else {
+                    return Err(Error::Invalid(format!("position {row}: the rule has no cones")));
+                };
                 optimizer.turn_to(&[u, c, b]);
                 let best = optimizer.solve(Some(&UnitQuaternion::from_rotation_matrix(&start)));
                 if best.status == Status::Infeasible {

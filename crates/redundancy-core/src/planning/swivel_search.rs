@@ -324,7 +324,7 @@ impl<'a> Grid<'a> {
                         step[j] = target[i][j] - source[j];
                     }
                     if problem.windings.wraps[i] {
-                        wrapped |= self.unwrap(i, &mut step);
+                        wrapped |= self.shorten(i, &mut step);
                     }
                     for j in 0..LANES {
                         sum[j] += step[j] * step[j];
@@ -389,7 +389,7 @@ impl<'a> Grid<'a> {
 
     /// Takes steps of a joint the short way, where its windings are all alike; whether some of them change its winding.
     #[inline(always)]
-    fn unwrap(&self, joint: usize, step: &mut [f64; LANES]) -> bool {
+    fn shorten(&self, joint: usize, step: &mut [f64; LANES]) -> bool {
         let over = step.iter().fold(0.0, |most, d| if d.abs() > most { d.abs() } else { most }) > PI;
         if over && !self.problem.windings.counts(joint) {
             step.iter_mut().for_each(|d| *d -= TAU * (*d / TAU).round());

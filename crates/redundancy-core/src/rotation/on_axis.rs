@@ -18,8 +18,8 @@ use crate::tolerance::{NEWTON_DECREMENT, PLAIN_MARGIN, STEP_DOUBLING, SUFFICIENT
 const LONG: f64 = 4.0;
 
 /// Most halvings and doublings of a step that is measured.
-const MOST_HALVINGS: u32 = 60;
-const MOST_DOUBLINGS: u32 = 8;
+pub(crate) const HALVINGS: u32 = 60;
+pub(crate) const DOUBLINGS: u32 = 8;
 
 /// The iteration for cones on one body axis, seen on the rotated axis `z = y / norm`; `pull(y, norm)` is
 /// `sum k_i d_i / m_i / norm`. The length of `y` is carried along, so that nothing is divided by it.
@@ -230,7 +230,7 @@ impl TwoPulls {
         let mut best = at(length);
         let mut halvings = 0;
         while best.is_none_or(|(_, _, change)| change > -SUFFICIENT_DECREASE * length * slope) {
-            if halvings == MOST_HALVINGS {
+            if halvings == HALVINGS {
                 return None;
             }
             halvings += 1;
@@ -239,7 +239,7 @@ impl TwoPulls {
         }
         // Only a step that is about to leave a boundary gains from going further.
         if halvings == 0 && slope > STEP_DOUBLING * self.weights[0].min(self.weights[1]) {
-            for _ in 0..MOST_DOUBLINGS {
+            for _ in 0..DOUBLINGS {
                 length *= 2.0;
                 match (at(length), best) {
                     (Some(trial), Some(found)) if trial.2 < found.2 => best = Some(trial),

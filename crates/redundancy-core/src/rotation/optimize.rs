@@ -50,7 +50,7 @@ use crate::rotation::arc::{TwoCones, on_arc};
 use crate::rotation::barrier::{self, Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Spin, unpack};
 use crate::rotation::fixed_step::Forms;
-use crate::rotation::on_axis::{TwoPulls, descend_on_axis};
+use crate::rotation::on_axis::{DOUBLINGS, HALVINGS, TwoPulls, descend_on_axis};
 use crate::rotation::quaternion::{
     angle_between, compose, half_turn, nearest_sign, shortest_arc, swing_twist, unit_direction,
 };
@@ -774,8 +774,6 @@ impl OrientationOptimizer {
 
 const NEWTON_ITERATIONS: u32 = 100;
 const GRADIENT_ITERATIONS: u32 = 10_000;
-const HALVINGS: u32 = 60;
-const DOUBLINGS: u32 = 8;
 
 /// What [`OrientationOptimizer::quick_start`] gives.
 enum Quick {

@@ -135,17 +135,20 @@ pub(super) fn choose<const M: usize>(columns: &[[f64; M]], memory: &mut [f64], s
 
 /// Exchanges as long as they help.
 pub(super) fn improve<const M: usize>(columns: &[[f64; M]], split: &mut Split) {
+    let equations_of = |split: &Split| NormalEquations::new(gram(&split.dependent_of(columns)));
+    let Some(mut equations) = equations_of(split) else { return };
     for _ in 0..MOST_EXCHANGES {
-        let equations_of = |split: &Split| NormalEquations::new(gram(&split.dependent_of(columns)));
-        let Some(equations) = equations_of(split) else { return };
         let Some(pair) = best(columns, split, &equations) else { return };
         let (before, after) = (split.dependent[pair.0], split.independent[pair.1]);
         split.exchange(pair);
-        if equations_of(split).is_none_or(|new| new.trace() > BASIS_PROGRESS * equations.trace()) {
-            // Rounding only: back again.
-            let place = |list: &[usize], joint: usize| list.iter().position(|x| *x == joint).unwrap_or(0);
-            split.exchange((place(&split.dependent, after), place(&split.independent, before)));
-            return;
+        match equations_of(split) {
+            Some(new) if new.trace() <= BASIS_PROGRESS * equations.trace() => equations = new,
+            _ => {
+                // Rounding only: back again.
+                let place = |list: &[usize], joint: usize| list.iter().position(|x| *x == joint).unwrap_or(0);
+                split.exchange((place(&split.dependent, after), place(&split.independent, before)));
+                return;
+            }
         }
     }
 }

@@ -15,9 +15,8 @@
 use std::sync::Arc;
 
 use super::damping::Damping;
-use super::linear::{dot, times};
+use super::linear::{distance, dot, times};
 use super::local::{Local, by_dimension};
-use super::projected_gradient::distance;
 use super::pseudo_inverse::PseudoInverse;
 use super::singular_values::Svd;
 use super::{Resolver, StepInput, StepReport};

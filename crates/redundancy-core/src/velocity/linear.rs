@@ -33,6 +33,23 @@ pub(super) fn times<const M: usize>(columns: &[[f64; M]], x: &[f64]) -> [f64; M]
     out
 }
 
+/// Euclidean distance.
+pub(super) fn distance<const M: usize>(a: &[f64; M], b: &[f64; M]) -> f64 {
+    let mut difference = *a;
+    for i in 0..M {
+        difference[i] -= b[i];
+    }
+    dot(&difference, &difference).sqrt()
+}
+
+/// Writes the rows of J, one after the other.
+#[inline(always)]
+pub(super) fn write_rows<const M: usize>(columns: &[[f64; M]], rows: &mut [f64]) {
+    for (i, row) in rows.chunks_exact_mut(columns.len().max(1)).take(M).enumerate() {
+        row.iter_mut().zip(columns).for_each(|(entry, column)| *entry = column[i]);
+    }
+}
+
 /// `J^T y` for one column.
 #[inline(always)]
 pub(super) fn along<const M: usize>(column: &[f64; M], y: &[f64; M]) -> f64 {

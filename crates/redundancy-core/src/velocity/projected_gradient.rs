@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::damping::Damping;
-use super::linear::{dot, times};
+use super::linear::{distance, times};
 use super::local::{Local, by_dimension, required_dt};
 use super::pseudo_inverse::PseudoInverse;
 use super::step_size::{Gain, OptimalStep};
@@ -106,15 +106,6 @@ impl ProjectedGradient {
             residual,
         })
     }
-}
-
-/// Euclidean distance.
-pub(super) fn distance<const M: usize>(a: &[f64; M], b: &[f64; M]) -> f64 {
-    let mut difference = *a;
-    for i in 0..M {
-        difference[i] -= b[i];
-    }
-    dot(&difference, &difference).sqrt()
 }
 
 impl Resolver for ProjectedGradient {

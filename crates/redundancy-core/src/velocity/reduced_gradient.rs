@@ -23,9 +23,8 @@ use std::sync::Arc;
 
 use super::damping::Damping;
 use super::exchange::{self, Split};
-use super::linear::{along, complement, dot, gram, times};
+use super::linear::{along, complement, distance, dot, gram, times, write_rows};
 use super::local::{Local, by_dimension, required_dt};
-use super::projected_gradient::distance;
 use super::pseudo_inverse::NormalEquations;
 use super::singular_values::Svd;
 use super::step_size::{Gain, OptimalStep};
@@ -204,7 +203,7 @@ impl ReducedGradient {
             exchange::choose(columns, &mut self.rows, &mut basis.current);
             basis.chosen = true;
         }
-        let threshold = self.damping.map_or(0.0, |d| d.threshold);
+        let threshold = threshold_of(&self.damping);
         let level = threshold.max(WELL_CONDITIONED);
         let mut equations = equations_of(&basis.current, columns);
         let mut bound = bound_of(&equations);
@@ -262,11 +261,8 @@ impl ReducedGradient {
     /// Finds the null space of J, which keeps the freedom off the task however `J_a` is damped.
     fn find_null_space<const M: usize>(&mut self) {
         let columns = self.local.columns::<M>();
-        let n = columns.len();
-        for (i, row) in self.rows.chunks_exact_mut(n).enumerate() {
-            row.iter_mut().zip(columns).for_each(|(entry, column)| *entry = column[i]);
-        }
-        complement(&mut self.rows, n, M, &mut self.null);
+        write_rows(columns, &mut self.rows);
+        complement(&mut self.rows, columns.len(), M, &mut self.null);
     }
 
     /// `out` for the wish `eta` and the task velocity `v`, mixed with that of the basis before while a change lasts.
@@ -275,9 +271,9 @@ impl ReducedGradient {
         self.combine(&self.basis.current, minor, v, out, &mut work);
         if self.basis.blend > 0 {
             // The old basis helps only as long as it meets the task.
-            let threshold = self.damping.map_or(0.0, |d| d.threshold);
+            let level = threshold_of(&self.damping).max(WELL_CONDITIONED);
             if let Some(old) = equations_of(&self.basis.previous, self.local.columns::<M>())
-                && old.bound() >= threshold.max(WELL_CONDITIONED)
+                && old.bound() >= level
                 && let Minor::Regular(_) = minor
             {
                 let share = self.basis.blend as f64 / (BLEND + 1) as f64;
@@ -356,6 +352,11 @@ impl ReducedGradient {
             }
         }
     }
+}
+
+/// The singular value of `J_a` below which it is damped.
+fn threshold_of(damping: &Option<Damping>) -> f64 {
+    damping.map_or(0.0, |d| d.threshold)
 }
 
 /// What solves `J_a`, if it is regular.

@@ -22,9 +22,8 @@ use std::sync::Arc;
 
 use super::box_projection::{BoxProjection, Rows};
 use super::damping::Damping;
-use super::linear::{complement, dot, times};
+use super::linear::{complement, distance, dot, times, write_rows};
 use super::local::{Local, by_dimension, required_dt};
-use super::projected_gradient::distance;
 use super::pseudo_inverse::{Factor, PseudoInverse};
 use super::step_size::Gain;
 use super::{ActiveLimit, LimitKind, Resolver, StepInput, StepReport};
@@ -161,11 +160,7 @@ impl SaturatedNullspace {
         // The null space and the least joint velocity of the task.
         let rank = match &factor {
             Factor::Regular(_) => {
-                for (j, column) in columns.iter().enumerate() {
-                    for i in 0..M {
-                        self.rows[i * n + j] = column[i];
-                    }
-                }
+                write_rows(columns, &mut self.rows);
                 M
             }
             Factor::Values => self.inverse.row_space(&mut self.rows),
