@@ -6,7 +6,7 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use redundancy_core::chain::{Chain, catalog};
-use redundancy_core::ik::SphericalWristArm;
+use redundancy_core::solutions::SphericalWristArm;
 use redundancy_core::{Pose, pose_to_row_major};
 
 const POSES: usize = 1_024;

@@ -16,7 +16,7 @@ use redundancy_core::optimum::{
     constrained_optima, follow_optimum, singularity_curves,
 };
 use redundancy_core::path::Circle;
-use redundancy_core::self_motion::{TraceSettings, trace_self_motion};
+use redundancy_core::solutions::{TraceSettings, trace_self_motion};
 
 fn configurations(chain: &Chain, count: usize) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(7);

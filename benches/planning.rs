@@ -16,7 +16,7 @@ use redundancy_core::nalgebra::{Rotation3, Vector3};
 use redundancy_core::path::{Path, Raster};
 use redundancy_core::planning::{FlowState, SwivelFlow, SwivelFlowSettings, SwivelPlanSettings, plan_swivel};
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Sphere};
-use redundancy_core::self_motion::SrsArm;
+use redundancy_core::solutions::SrsArm;
 
 /// Ten strokes along y in +-.3, x from .5 to .68, z = .3, tool down, at 0.2 m/s.
 fn raster(points: usize) -> Path {

@@ -7,7 +7,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use rand::{Rng, SeedableRng};
 use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::criterion::JointRange;
-use redundancy_core::self_motion::SrsArm;
+use redundancy_core::solutions::SrsArm;
 use redundancy_core::{Pose, pose_to_row_major};
 
 const POSES: usize = 1_024;

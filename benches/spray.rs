@@ -11,9 +11,8 @@ use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::kinematics::{DynamicsScratch, TorqueDerivatives};
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::path::Path;
-use redundancy_core::planning::{
-    BarrierRule, OrientationRule, RuleKind, RuleSpin, SpeedSettings, fastest_line, fastest_profile, max_speed,
-};
+use redundancy_core::planning::{BarrierRule, OrientationRule, RuleKind, RuleSpin};
+use redundancy_core::timing::{SpeedSettings, fastest_line, fastest_profile, max_speed};
 
 fn dynamics(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("kinematics");

@@ -3,7 +3,7 @@
 
 use redundancy_core::chain::catalog;
 use redundancy_core::criterion::JointRange;
-use redundancy_core::self_motion::{SrsArm, Swivel};
+use redundancy_core::solutions::{SrsArm, Swivel};
 
 fn main() -> Result<(), redundancy_core::Error> {
     let chain = catalog::load("pa10")?;

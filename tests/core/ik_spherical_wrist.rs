@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use rand::Rng;
 use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits, catalog};
-use redundancy_core::ik::SphericalWristArm;
 use redundancy_core::nalgebra::{Rotation3, Translation3, Vector3};
+use redundancy_core::solutions::SphericalWristArm;
 use redundancy_core::{Error, Pose, Status, pose_to_row_major};
 use rs_opw_kinematics::glam::{DMat3, DQuat, DVec3};
 use rs_opw_kinematics::kinematic_traits::{Kinematics, Pose as OpwPose};

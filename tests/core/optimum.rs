@@ -12,7 +12,7 @@ use redundancy_core::optimum::{
     follow_optimum, rank_starts, singularity_curves,
 };
 use redundancy_core::path::{Circle, EventKind, Path};
-use redundancy_core::self_motion::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
+use redundancy_core::solutions::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
 
 use crate::allocations;
 use crate::support::{amount, difference, random_q, rng};

@@ -6,7 +6,7 @@ use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::nalgebra::{Matrix3, Rotation3, Translation3};
 use redundancy_core::path::Path;
 use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
-use redundancy_core::self_motion::{SrsArm, Swivel};
+use redundancy_core::solutions::{SrsArm, Swivel};
 use redundancy_core::{Pose, Status};
 
 use crate::support::{pa10, pose_error};

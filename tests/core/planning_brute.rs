@@ -10,7 +10,7 @@ use redundancy_core::nalgebra::{Rotation3, Translation3, Vector3};
 use redundancy_core::path::Path;
 use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Shape, Sphere};
-use redundancy_core::self_motion::{SelfMotion, SrsArm};
+use redundancy_core::solutions::{SelfMotion, SrsArm};
 use redundancy_core::{Pose, Status};
 
 use crate::planning::iiwa_raster;

@@ -10,7 +10,7 @@ use redundancy_core::planning::{
     plan_swivel,
 };
 use redundancy_core::scene::{Scene, Sphere};
-use redundancy_core::self_motion::SrsArm;
+use redundancy_core::solutions::SrsArm;
 use redundancy_core::{Pose, Status};
 
 use super::support::{pa10, pose_error};

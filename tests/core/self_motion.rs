@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use redundancy_core::chain::{Chain, Limits};
 use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
 use redundancy_core::nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-use redundancy_core::self_motion::{Branch, Chart, SelfMotion, SrsArm, Swivel};
+use redundancy_core::solutions::{Branch, Chart, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Pose, Status};
 
 use crate::support::{

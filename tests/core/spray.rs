@@ -4,8 +4,10 @@ use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::path::Path;
 use redundancy_core::planning::{
-    BarrierRule, MaxSpeed, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin,
-    SpeedLimit, SpeedSettings, fastest_line, fastest_profile, max_speed, plan_orientation,
+    BarrierRule, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin, plan_orientation,
+};
+use redundancy_core::timing::{
+    MaxSpeed, SpeedLimit, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
 use redundancy_core::{Pose, Status};
 

@@ -542,7 +542,7 @@ fn drift_over_closed_cycles() {
         times.push(t * period);
     }
     let path = Path::new(&poses, None, Some(&times)).unwrap();
-    let srs = redundancy_core::self_motion::SrsArm::new(&arm).unwrap();
+    let srs = redundancy_core::solutions::SrsArm::new(&arm).unwrap();
     let start = srs.self_motion(&poses[0]).unwrap().best(&*h).unwrap().unwrap();
     let settings = TrackSettings { dt: 0.01, feedback: 20.0, block: 1000 };
     let mut report = String::new();

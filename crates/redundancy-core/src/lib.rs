@@ -14,7 +14,7 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path, scene -> criterion -> self_motion -> { ik | velocity | optimum } -> planning`.
+//! `rotation -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 
 pub mod chain;
@@ -26,7 +26,8 @@ pub mod path;
 pub mod planning;
 pub mod rotation;
 pub mod scene;
-pub mod self_motion;
+pub mod solutions;
+pub mod timing;
 pub mod tolerance;
 pub mod velocity;
 

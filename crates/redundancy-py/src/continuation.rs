@@ -4,7 +4,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple, PyType};
 use redundancy_core::kinematics::Task;
-use redundancy_core::self_motion::{
+use redundancy_core::solutions::{
     SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
 };
 use redundancy_core::{Error, Status};

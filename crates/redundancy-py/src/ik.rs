@@ -6,13 +6,14 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::ik::{
-    Attraction, Configurations, CostMeasure, CostWeights, DescentSettings, GradientKind, HalfAngle, IkBatch,
-    IkMemory, IkMethod, IkResult, IkSettings, IkSolver, IkTrace, OrientationSet, Sinusoid, SphericalWristArm,
-    SweepOrder, pose_cost, quaternion_cost,
+    Attraction, CostMeasure, CostWeights, DescentSettings, GradientKind, HalfAngle, IkBatch, IkMemory,
+    IkMethod, IkResult, IkSettings, IkSolver, IkTrace, OrientationSet, Sinusoid, SweepOrder, pose_cost,
+    quaternion_cost,
 };
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::rotation::unit_direction;
+use redundancy_core::solutions::{Configurations, SphericalWristArm};
 use redundancy_core::{Error, Status};
 
 use crate::batch::in_blocks;

@@ -6,8 +6,9 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use redundancy_core::planning::{
-    OrientationPlan, OrientationPlanSettings, PlanWatch, SpeedLimit, SpinRange, plan_orientation,
+    OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation,
 };
+use redundancy_core::timing::SpeedLimit;
 use redundancy_core::{Error, Status, pose_from_row_major, pose_to_row_major};
 
 use crate::chain::{PyChain, STANDARD_GRAVITY};

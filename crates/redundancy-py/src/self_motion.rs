@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethod
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use redundancy_core::nalgebra::Vector3;
-use redundancy_core::self_motion::{Chart, Choice, SelfMotion, SrsArm, Swivel};
+use redundancy_core::solutions::{Chart, Choice, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Error, Pose};
 
 use crate::batch::in_blocks;
@@ -617,7 +617,7 @@ impl PyBranch {
         &self,
         py: Python<'py>,
         s: &Bound<'py, PyAny>,
-        one: impl Fn(redundancy_core::self_motion::Branch<'_>, f64) -> redundancy_core::Result<[f64; 7]>,
+        one: impl Fn(redundancy_core::solutions::Branch<'_>, f64) -> redundancy_core::Result<[f64; 7]>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let branch = self.motion.branch(self.index).map_err(to_py)?;
         if let Ok(s) = s.extract::<f64>() {

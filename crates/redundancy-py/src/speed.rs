@@ -6,9 +6,9 @@ use pyo3::types::PyDict;
 use redundancy_core::chain::Chain;
 use redundancy_core::nalgebra::{Matrix3, Rotation3, Vector3};
 use redundancy_core::path::Path;
-use redundancy_core::planning::{
-    BarrierRule, MaxSpeed, OrientationRule, RuleKind, RuleSpin, SpeedLimit, SpeedProfile, SpeedSettings,
-    Surface, fastest_line, fastest_profile, max_speed,
+use redundancy_core::planning::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface};
+use redundancy_core::timing::{
+    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
 use redundancy_core::{Error, Pose, pose_from_row_major};
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::solver::{IkResult, IkSolver};
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::pose::pose_from_row_major;
-use crate::self_motion::at;
+use crate::solutions::at;
 use crate::status::Status;
 
 /// Poses that one task of the pool takes at least: its memory is made once for all of them.

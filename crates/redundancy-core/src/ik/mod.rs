@@ -1,19 +1,16 @@
 //! From poses to configurations.
 //!
 //! [`IkSolver`] answers for any chain: through the closed form where the arm has one, otherwise numerically from ranked
-//! starts. [`SphericalWristArm`] is the closed form of six-joint arms with a spherical wrist; that of seven-joint arms is
-//! [`SrsArm`](crate::self_motion::SrsArm).
+//! starts. [`SphericalWristArm`](crate::solutions::SphericalWristArm) is the closed form of six-joint arms with a spherical wrist; that of seven-joint arms is
+//! [`SrsArm`](crate::solutions::SrsArm).
 
 mod batch;
-mod complex;
 mod descent;
 mod goal;
 mod newton;
 mod sinusoid;
 mod solver;
-mod spherical_wrist;
 mod starts;
-mod wrist_geometry;
 
 pub use batch::IkBatch;
 pub use descent::{
@@ -22,4 +19,3 @@ pub use descent::{
 pub use goal::{OrientationSet, task_target};
 pub use sinusoid::{CostWeights, HalfAngle, Sinusoid, pose_cost, quaternion_cost, slide_within};
 pub use solver::{IkMemory, IkMethod, IkResult, IkSettings, IkSolver, IkTrace};
-pub use spherical_wrist::{Configurations, SphericalWristArm};

@@ -20,14 +20,14 @@ use rand_chacha::ChaCha8Rng;
 use super::descent::{Descent, DescentMethod, DescentSettings};
 use super::goal::{Goal, OrientationSet};
 use super::newton::{End, Problem, Run, Workspace};
-use super::spherical_wrist::SphericalWristArm;
 use super::starts::{Starts, ranges};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
 use crate::pose::{Pose, check_pose};
-use crate::self_motion::SrsArm;
+use crate::solutions::SphericalWristArm;
+use crate::solutions::SrsArm;
 use crate::status::Status;
 use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
 

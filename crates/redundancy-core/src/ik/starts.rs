@@ -270,12 +270,12 @@ impl Starts {
 
 /// The winding of `value` nearest to zero within the limits; the limit that is nearest where there is none.
 fn place(q: &mut f64, value: f64, lower: f64, upper: f64) -> bool {
-    let value = crate::self_motion::wrapped(value);
-    if let Some(wound) = crate::self_motion::within(value, lower, upper) {
+    let value = crate::solutions::wrapped(value);
+    if let Some(wound) = crate::solutions::within(value, lower, upper) {
         *q = wound;
         return true;
     }
-    let away = |limit: f64| crate::self_motion::wrapped(value - limit).abs();
+    let away = |limit: f64| crate::solutions::wrapped(value - limit).abs();
     *q = if away(lower) < away(upper) { lower } else { upper };
     false
 }

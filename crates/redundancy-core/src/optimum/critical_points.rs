@@ -17,7 +17,7 @@ use crate::criterion::{Criterion, Sense, Stationarity};
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
 use crate::pose::{Pose, check_pose};
-use crate::self_motion::{
+use crate::solutions::{
     Fibre, SelfMotionCurve, TraceSettings, geometric, random_configurations, self_motion_curves, short_way,
     wind,
 };

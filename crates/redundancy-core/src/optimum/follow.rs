@@ -32,7 +32,7 @@ use crate::criterion::{Criterion, Sense};
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Task, TaskKind};
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
-use crate::self_motion::geometric;
+use crate::solutions::geometric;
 use crate::tolerance::{
     FOLLOW_DONE, FOLLOW_FOLD, FOLLOW_SHORTEST, FOLLOW_SINGULAR, FOLLOW_START, FOLLOW_STEPS, FREE_SPEED,
     LIMIT_SLACK, TRACE_TURN,
@@ -663,7 +663,7 @@ pub fn distance_to_nearest(
     let mut d = DVector::zeros(n);
     let rows = q.chunks_exact(n).map(|row| {
         let distances = points.iter().map(|point| {
-            crate::self_motion::short_way(chain, row, point, d.as_mut_slice());
+            crate::solutions::short_way(chain, row, point, d.as_mut_slice());
             if modulo_first {
                 d[0] = 0.0;
             }

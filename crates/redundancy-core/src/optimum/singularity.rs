@@ -22,7 +22,7 @@ use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Task};
-use crate::self_motion::{geometric, random_configurations, short_way, wind};
+use crate::solutions::{geometric, random_configurations, short_way, wind};
 use crate::tolerance::{
     FOLLOW_DONE, SAME_SINGULARITY, SINGULARITY_DIFFERENCE, SINGULARITY_RANK, SINGULARITY_RESIDUAL,
 };

@@ -11,7 +11,7 @@ use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
-use crate::self_motion::{short_way, wind};
+use crate::solutions::{short_way, wind};
 use crate::tolerance::{FOLLOW_DONE, FOLLOW_SHORTEST, SINGULARITY_RANK};
 
 /// Most rows in one direction.

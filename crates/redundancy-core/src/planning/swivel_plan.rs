@@ -24,15 +24,15 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::swivel_problem::Problem;
-use super::swivel_search::Grid;
+use super::layers::srs::problem::Problem;
+use super::layers::srs::search::Grid;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::rotation_vector;
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::pose::Pose;
 use crate::scene::Scene;
-use crate::self_motion::{SelfMotion, SrsArm};
+use crate::solutions::{SelfMotion, SrsArm};
 use crate::status::Status;
 use crate::tolerance::{CYCLE_ANGLE, CYCLE_POSITION, FREE_SPEED};
 
@@ -183,7 +183,7 @@ pub struct SwivelPlan {
 /// `progress` is called with the share of the work done, in `[0, 1]`; returning `false` stops with `Cancelled`.
 ///
 /// ```
-/// use redundancy_core::{Pose, Status, chain::catalog, path::Path, self_motion::SrsArm};
+/// use redundancy_core::{Pose, Status, chain::catalog, path::Path, solutions::SrsArm};
 /// use redundancy_core::planning::{SwivelPlanSettings, plan_swivel};
 /// let arm = SrsArm::new(&catalog::load("pa10")?)?;
 /// let poses: Vec<Pose> = (0..50).map(|k| Pose::translation(0.4, 0.01 * f64::from(k), 0.7)).collect();

@@ -71,7 +71,7 @@ impl Swivel {
 ///
 /// ```
 /// use redundancy_core::chain::catalog;
-/// use redundancy_core::self_motion::{SrsArm, Swivel};
+/// use redundancy_core::solutions::{SrsArm, Swivel};
 /// let chain = catalog::load("pa10")?;
 /// let arm = SrsArm::new(&chain)?;
 /// let q = [0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9];

@@ -11,12 +11,12 @@ use crate::error::Result;
 use crate::kinematics::Scratch;
 use crate::pose::Pose;
 use crate::scene::{LinkGeometry, Scene, Shape, Sphere, segment_distance};
-use crate::self_motion::{SelfMotion, SrsArm};
+use crate::solutions::{SelfMotion, SrsArm};
 use crate::tolerance::ON_LINE;
 
 /// The links of an arm beside a scene.
 #[derive(Debug, Clone)]
-pub(super) struct ArmClearance {
+pub(in crate::planning) struct ArmClearance {
     arm: SrsArm,
     pub geometry: LinkGeometry,
     radius: f64,
@@ -27,7 +27,7 @@ pub(super) struct ArmClearance {
 
 /// The same over one pose at one time.
 #[derive(Debug, Clone)]
-pub(super) struct OverPose {
+pub(in crate::planning) struct OverPose {
     shoulder: Vector3<f64>,
     wrist: Vector3<f64>,
     /// Obstacles that the upper arm may come near to, and those of the forearm.
@@ -39,7 +39,7 @@ pub(super) struct OverPose {
 
 /// A distance and how it changes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rates {
+pub(in crate::planning) struct Rates {
     pub distance: f64,
     /// Per rad of swivel, m.
     pub by_swivel: f64,
@@ -48,7 +48,7 @@ pub(super) struct Rates {
 }
 
 /// An arm over one pose at one time, for distances with their rates.
-pub(super) struct Now<'a> {
+pub(in crate::planning) struct Now<'a> {
     near: &'a ArmClearance,
     scene: &'a Scene,
     t: f64,

@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
+use super::arm::Circle;
 use super::geometry::{Geometry, wrapped};
-use super::srs::Circle;
 use crate::tolerance::{GIMBAL_NEAR, GIMBAL_PASSAGE, GIMBAL_SINE, SINUSOID_FLAT, SINUSOID_TANGENT};
 
 /// `c0 + c1 cos s + c2 sin s`.

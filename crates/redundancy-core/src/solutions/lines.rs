@@ -10,10 +10,10 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::chain::{Chain, JointKind};
-use crate::ik::SphericalWristArm;
 use crate::kinematics::{Scratch, rotation_vector};
 use crate::pose::Pose;
-use crate::self_motion::{SrsArm, Swivel};
+use crate::solutions::SphericalWristArm;
+use crate::solutions::{SrsArm, Swivel};
 use crate::tolerance::{JOINT_JUMP, LINE_DEFECT, LINE_RESIDUAL, LINE_SINGULAR, SAME_LINE, START_NEAR};
 
 /// Most Newton steps from one point of a path to the next.
@@ -26,7 +26,7 @@ const START_SWIVELS: usize = 12;
 
 /// Why a line ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum LineEnd {
+pub(crate) enum LineEnd {
     /// Newton does not meet the pose.
     Lost,
     /// It does, beyond a jump.
@@ -64,7 +64,7 @@ fn step(jacobian: &Matrix6xX<f64>, error: &Vector6<f64>, damping: f64, q: &mut [
 }
 
 /// Moves `q` onto the pose; true when it meets it.
-pub(super) fn meet(chain: &Chain, wanted: &Pose, q: &mut [f64], scratch: &mut Scratch) -> bool {
+pub(crate) fn meet(chain: &Chain, wanted: &Pose, q: &mut [f64], scratch: &mut Scratch) -> bool {
     for _ in 0..NEWTON_STEPS {
         let kinematics = chain.kinematics_unchecked(q, scratch);
         let error = twist(wanted, kinematics.pose());
@@ -80,7 +80,7 @@ pub(super) fn meet(chain: &Chain, wanted: &Pose, q: &mut [f64], scratch: &mut Sc
 }
 
 /// The line from `start` over all poses, row by row; where it ends early, the point that it does not reach and why.
-pub(super) fn follow(chain: &Chain, poses: &[Pose], start: &[f64]) -> Result<Vec<f64>, (usize, LineEnd)> {
+pub(crate) fn follow(chain: &Chain, poses: &[Pose], start: &[f64]) -> Result<Vec<f64>, (usize, LineEnd)> {
     let n = chain.dof();
     let mut scratch = Scratch::new(chain);
     let mut line = vec![0.0; n * poses.len()];
@@ -104,7 +104,7 @@ pub(super) fn follow(chain: &Chain, poses: &[Pose], start: &[f64]) -> Result<Vec
 
 /// Shifts every turning joint by whole turns so that the line holds the limits, nearest to the middle of the range. The
 /// first joint that cannot, and the first point outside with the fewest turns of it.
-pub(super) fn wind(chain: &Chain, line: &mut [f64]) -> Result<(), (usize, usize)> {
+pub(crate) fn wind(chain: &Chain, line: &mut [f64]) -> Result<(), (usize, usize)> {
     let n = chain.dof();
     for (j, joint) in chain.joints().iter().enumerate() {
         let (lo, hi) = (joint.limits.lower, joint.limits.upper);
@@ -135,7 +135,7 @@ pub(super) fn wind(chain: &Chain, line: &mut [f64]) -> Result<(), (usize, usize)
 }
 
 /// Configurations over a pose, from the closed form where there is one, else from seeded random starts. Joints modulo turns.
-pub(super) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
+pub(crate) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
     if let Ok(arm) = SrsArm::new(chain) {
         let swivels = (0..START_SWIVELS).map(|k| std::f64::consts::TAU * k as f64 / START_SWIVELS as f64);
         let rows = swivels.filter_map(|s| arm.solve(pose, Swivel::Angle(s), false).ok());
@@ -173,7 +173,7 @@ pub(super) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
 /// All lines over the poses at once, from the closed form of an arm with a spherical wrist: one solution per pose gives all
 /// branches. Lines that end or jump are left out. `None` for other arms, and where rounding in the description would show in
 /// second derivatives.
-pub(super) fn closed_form(chain: &Chain, poses: &[Pose]) -> Option<Vec<Vec<f64>>> {
+pub(crate) fn closed_form(chain: &Chain, poses: &[Pose]) -> Option<Vec<Vec<f64>>> {
     let arm = SphericalWristArm::new(chain).ok()?;
     let defect = arm.defect();
     if defect.position.max(defect.orientation) > LINE_DEFECT {
@@ -204,7 +204,7 @@ pub(super) fn closed_form(chain: &Chain, poses: &[Pose]) -> Option<Vec<Vec<f64>>
 }
 
 /// The line whose beginning is nearest to `start`, in the winding of `start`; `None` as [`closed_form`], or where none is near.
-pub(super) fn closed_form_from(chain: &Chain, poses: &[Pose], start: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn closed_form_from(chain: &Chain, poses: &[Pose], start: &[f64]) -> Option<Vec<f64>> {
     let away = |line: &[f64]| {
         line.iter().zip(start).map(|(q, s)| crate::rotation::wrap(q - s).abs()).fold(0.0, f64::max)
     };
@@ -224,7 +224,7 @@ pub(super) fn closed_form_from(chain: &Chain, poses: &[Pose], start: &[f64]) -> 
 
 /// Points that no configuration reaches, joint limits aside: exact for arms with a closed form, otherwise those that are
 /// further from the first joint than the arm is long.
-pub(super) fn unreachable(chain: &Chain, poses: &[Pose]) -> Vec<usize> {
+pub(crate) fn unreachable(chain: &Chain, poses: &[Pose]) -> Vec<usize> {
     let out = |reached: &dyn Fn(&Pose) -> bool| (0..poses.len()).filter(|k| !reached(&poses[*k])).collect();
     if let Ok(arm) = SphericalWristArm::new(chain) {
         let reached = |pose: &Pose| arm.solve_into(pose, false, &mut [[0.0; 6]; 8]) != 0;

@@ -23,8 +23,8 @@ use nalgebra::{DVector, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::circle::Branch;
-use super::srs::SrsArm;
+use super::closed_form::srs::Branch;
+use super::closed_form::srs::SrsArm;
 use crate::chain::{Chain, JointKind};
 use crate::criterion::check_redundant;
 use crate::error::{Error, Result};
@@ -172,7 +172,7 @@ pub struct SelfMotionCurve {
 /// The self-motion through `q`: the curve of configurations with the same task value.
 ///
 /// ```
-/// use redundancy_core::{chain::catalog, kinematics::Task, self_motion::{TraceSettings, trace_self_motion}};
+/// use redundancy_core::{chain::catalog, kinematics::Task, solutions::{TraceSettings, trace_self_motion}};
 /// let arm = catalog::load("panda")?;
 /// let q = [0.1, 0.4, -0.2, -1.9, 0.3, 1.7, 0.5];
 /// let curve = trace_self_motion(&arm, &q, Task::POSE, &TraceSettings::default())?;

@@ -4,8 +4,8 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector3;
 
+use super::arm::{Circle, Reach, SrsArm, opposite, signs};
 use super::intervals::Arcs;
-use super::srs::{Circle, Reach, SrsArm, opposite, signs};
 use crate::error::{Error, Result};
 use crate::status::Status;
 use crate::tolerance::GIMBAL_PASSAGE;
@@ -13,7 +13,7 @@ use crate::tolerance::GIMBAL_PASSAGE;
 /// Every configuration over one pose: up to eight circles, one per branch.
 ///
 /// ```
-/// use redundancy_core::{Status, chain::catalog, self_motion::SrsArm};
+/// use redundancy_core::{Status, chain::catalog, solutions::SrsArm};
 /// let chain = catalog::load("pa10")?;
 /// let pose = chain.forward(&[0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9])?;
 /// let motion = SrsArm::new(&chain)?.self_motion(&pose)?;

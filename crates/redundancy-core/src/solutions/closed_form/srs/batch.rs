@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::arm::{SrsArm, Swivel};
 use super::circle::SelfMotion;
 use super::optimum::Choice;
-use super::srs::{SrsArm, Swivel};
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result, check_length};
 use crate::pose::pose_from_row_major;

@@ -31,11 +31,11 @@ use rayon::prelude::*;
 use wide::{CmpGt, f64x4};
 
 use super::complex::{Complex, complex};
-use super::wrist_geometry::WristGeometry;
+use super::geometry::WristGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
 use crate::pose::{Pose, check_pose, pose_from_row_major};
-use crate::self_motion::{Defect, at, nearest_winding, opposite, outside, principal, signs, within, wrapped};
+use crate::solutions::{Defect, at, nearest_winding, opposite, outside, principal, signs, within, wrapped};
 use crate::status::Status;
 use crate::tolerance::{GIMBAL_PASSAGE, GIMBAL_SINE, REACH_ROUNDING};
 
@@ -46,7 +46,7 @@ const TASK: usize = 64;
 ///
 /// ```
 /// use redundancy_core::chain::catalog;
-/// use redundancy_core::ik::SphericalWristArm;
+/// use redundancy_core::solutions::SphericalWristArm;
 /// let chain = catalog::load("puma560")?;
 /// let arm = SphericalWristArm::new(&chain)?;
 /// let q = [0.3, 0.5, -0.2, 1.1, 0.4, 0.7];

@@ -11,9 +11,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::arm::{Circle, SrsArm};
 use super::geometry::{Geometry, wrapped};
 use super::spherical::{Spherical, sphericals};
-use super::srs::{Circle, SrsArm};
 use crate::tolerance::{LIMIT_SLACK, LIMITS_MEET};
 
 /// The allowed arc of one of the paper's angles.

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::complex::{Complex, complex};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
-use crate::self_motion::{Defect, Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
+use crate::solutions::{Defect, Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
 use crate::tolerance::{SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS};
 
 /// The ideal arm. Joint 1 turns the plane of the arm, spanned by `e` and `k`; in that plane, with complex coordinates

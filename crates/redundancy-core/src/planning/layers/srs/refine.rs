@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::swivel_problem::{Line, Problem};
+use super::problem::{Line, Problem};
 use crate::kinematics::Scratch;
 
 /// Most Newton steps of the refinement, and the relative decrease of the cost at which it stops.

@@ -18,11 +18,6 @@
 //!
 //! References: [FromGravdahl2007], [FromGravdahl2009].
 
-mod curve;
-mod motion;
-mod program;
-mod search;
-
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -30,16 +25,16 @@ use std::time::{Duration, Instant};
 use nalgebra::{Const, SVector, Vector3};
 use rayon::prelude::*;
 
-use self::curve::Curve;
-use self::motion::{Arm, Size, Workspace};
-use self::search::{Bounds, Grid, Kind, State, rows_of};
-use super::lines;
-use super::speed::{SpeedLimit, SpeedSettings};
+use super::curve::Curve;
+use super::motion::{Arm, Size, Workspace};
+use super::search::{self, Bounds, Grid, Kind, State, rows_of};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::path::{Event, Path, QuinticBasis, Trajectory};
 use crate::pose::Pose;
+use crate::solutions::lines;
 use crate::status::Status;
+use crate::timing::{SpeedLimit, SpeedSettings};
 use crate::tolerance::JOINT_JUMP;
 
 /// Largest step (m) of the grid on which a plan is verified and returned.
@@ -486,7 +481,7 @@ where
         let mut speed = self.settings.speed.clone();
         speed.torque_limits = Some(self.bounds.torque.clone());
         speed.joint_limits = false;
-        let error = super::fastest_line(self.chain, self.path.s(), poses, None, &speed).err()?;
+        let error = crate::timing::fastest_line(self.chain, self.path.s(), poses, None, &speed).err()?;
         Some(error.to_string())
     }
 
@@ -507,7 +502,9 @@ where
         let (low, high) = self.curve.ends();
         let count = self.path.len().max(200);
         let s: Vec<f64> = (0..count).map(|k| low + (high - low) * k as f64 / (count - 1) as f64).collect();
-        super::fastest_line(self.chain, &s, &self.plain_poses(&s), None, &speed).ok().map(|found| found.speed)
+        crate::timing::fastest_line(self.chain, &s, &self.plain_poses(&s), None, &speed)
+            .ok()
+            .map(|found| found.speed)
     }
 
     /// Everything that can be followed, best first.
@@ -515,7 +512,8 @@ where
         let (low, high) = self.curve.ends();
         let length = high - low;
         let sites = grid.basis.greville();
-        let center = super::Surface::around(&grid.points.iter().map(|p| p.position[0]).collect::<Vec<_>>());
+        let center =
+            super::rule::Surface::around(&grid.points.iter().map(|p| p.position[0]).collect::<Vec<_>>());
         let mut shapes: Vec<(f64, Spin)> = Vec::new();
         let leans: &[f64] = if self.bounds.tilt == 0.0 { &[0.0] } else { &[0.0, 0.35, 0.75] };
         for lean in leans {

@@ -22,12 +22,12 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::lines::{self, LineEnd};
 use crate::chain::{Body, Chain};
 use crate::error::{Error, Result, check_finite, check_length, check_vector};
 use crate::kinematics::DynamicsScratch;
 use crate::path::knot_derivatives;
 use crate::pose::Pose;
+use crate::solutions::lines::{self, LineEnd};
 use crate::tolerance::TORQUE_LEFT;
 
 /// Points that one task of the pool takes at least.
@@ -82,7 +82,7 @@ impl SpeedSettings {
     }
 
     /// Torque limits need inertias.
-    pub(super) fn check_masses(&self, chain: &Chain) -> Result<()> {
+    pub(crate) fn check_masses(&self, chain: &Chain) -> Result<()> {
         match &self.torque_limits {
             Some(limits) if limits.iter().any(|l| l.is_finite()) => chain.masses().map(|_| ()),
             _ => Ok(()),
@@ -267,7 +267,7 @@ impl Failure {
 }
 
 /// The message that names the points without a configuration.
-pub(super) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEnd) -> Error {
+pub(crate) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEnd) -> Error {
     let total = poses.len();
     if why == LineEnd::Jump {
         return Error::CannotFollow(format!("the arm would have to jump before point {k} of {total}"));

@@ -6,14 +6,14 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::arm_clearance::{ArmClearance, OverPose};
-use super::swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, empty};
+use super::clearance::{ArmClearance, OverPose};
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
 use crate::kinematics::{Scratch, Task};
 use crate::path::Path;
+use crate::planning::swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, empty};
 use crate::scene::Scene;
-use crate::self_motion::{SelfMotion, SrsArm};
+use crate::solutions::{SelfMotion, SrsArm};
 use crate::status::Status;
 use crate::tolerance::JOINT_JUMP;
 
@@ -32,7 +32,7 @@ const EDGE_HALVINGS: usize = 12;
 const MAX_WINDINGS: usize = 243;
 
 /// Windings as one number: digit i is the turns added to joint i, less the least that its limits admit.
-pub(super) struct Windings {
+pub(in crate::planning) struct Windings {
     least: [i32; 7],
     count: [usize; 7],
     stride: [usize; 7],
@@ -117,7 +117,7 @@ impl Windings {
 
 /// Full turns by which `b` is further than the short way from `a`, of the joints that may wrap.
 #[inline(always)]
-pub(super) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
+pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
     std::array::from_fn(|i| {
         let step = b[i] - a[i];
         if !windings.wraps[i] || step.abs() <= PI {
@@ -131,7 +131,7 @@ pub(super) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> 
 }
 
 /// The obstacles along the path.
-pub(super) struct Obstacles {
+pub(in crate::planning) struct Obstacles {
     pub arm: ArmClearance,
     /// The scene at time 0, and the times of the points where something moves.
     base: Scene,
@@ -182,7 +182,7 @@ impl Obstacles {
 
 /// A choice for every point.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Line {
+pub(in crate::planning) struct Line {
     pub branch: Vec<usize>,
     pub swivel: Vec<f64>,
     pub q: Vec<[f64; 7]>,
@@ -190,7 +190,7 @@ pub(super) struct Line {
     pub cost: f64,
 }
 
-pub(super) struct Problem<'a> {
+pub(in crate::planning) struct Problem<'a> {
     pub arm: &'a SrsArm,
     pub settings: &'a SwivelPlanSettings,
     pub circles: Vec<SelfMotion>,

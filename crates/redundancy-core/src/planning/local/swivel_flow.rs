@@ -25,13 +25,13 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::arm_clearance::{ArmClearance, Now, Rates};
-use super::swivel_plan::SwivelPlan;
 use crate::error::{Error, Result, check_finite};
 use crate::path::{Event, EventKind, Path, Trajectory};
+use crate::planning::layers::srs::clearance::{ArmClearance, Now, Rates};
+use crate::planning::swivel_plan::SwivelPlan;
 use crate::pose::Pose;
 use crate::scene::Scene;
-use crate::self_motion::{SelfMotion, SrsArm};
+use crate::solutions::{SelfMotion, SrsArm};
 use crate::status::Status;
 use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, FLOW_TURN, JOINT_JUMP};
 
@@ -167,7 +167,7 @@ impl SwivelFlowSettings {
 /// The swivel as a dynamical system beside obstacles.
 ///
 /// ```
-/// use redundancy_core::{Pose, chain::catalog, nalgebra::Vector3, scene::{Scene, Sphere}, self_motion::SrsArm};
+/// use redundancy_core::{Pose, chain::catalog, nalgebra::Vector3, scene::{Scene, Sphere}, solutions::SrsArm};
 /// use redundancy_core::planning::{FlowState, SwivelFlow, SwivelFlowSettings};
 /// let arm = SrsArm::new(&catalog::load("pa10")?)?;
 /// let ball = Sphere { center: Vector3::new(0.28, -0.35, 0.48), radius: 0.06 };

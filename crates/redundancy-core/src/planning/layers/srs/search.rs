@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
-use super::swivel_problem::{Line, Problem, turns_between};
+use super::problem::{Line, Problem, turns_between};
 use crate::kinematics::Scratch;
 
 /// Swivels that are looked at together.
@@ -31,14 +31,14 @@ const JUMP: u8 = 253;
 
 /// A state of one point: position of the branch in [`Problem::branches`], cell, code of the windings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct State {
+pub(in crate::planning) struct State {
     branch: usize,
     cell: usize,
     code: usize,
 }
 
 /// All nodes of a point. Rows of cells have `pad` more on both sides, which repeat the circle.
-pub(super) struct Layer {
+pub(in crate::planning) struct Layer {
     /// Nodes off the grid, in arcs that are narrower than a cell: branch, cell, swivel.
     narrow: Vec<(usize, usize, f64)>,
     /// By branch, joint, cell: positions, wound where only one winding holds the limits.
@@ -69,7 +69,7 @@ struct Walk {
 }
 
 /// The grid of a problem.
-pub(super) struct Grid<'a> {
+pub(in crate::planning) struct Grid<'a> {
     problem: &'a Problem<'a>,
     cells: usize,
     offsets: Vec<isize>,

@@ -25,10 +25,10 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use super::arm::{Circle, Node, signs, within};
 use super::circle::SelfMotion;
 use super::geometry::wrapped;
 use super::spherical::{Range, Spherical, greater, lesser, sphericals};
-use super::srs::{Circle, Node, signs, within};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
 use crate::tolerance::{

@@ -1,0 +1,3 @@
+//! The configurations over each sample of a path, as layers that a search connects.
+
+pub(super) mod srs;

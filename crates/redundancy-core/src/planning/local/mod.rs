@@ -1,0 +1,7 @@
+//! Schemes that see one step of the path at a time.
+
+mod swivel_flow;
+mod track;
+
+pub use swivel_flow::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings};
+pub use track::{Track, TrackSettings, track};

@@ -1,0 +1,23 @@
+//! Seven-joint arms with a spherical shoulder and wrist: the circles of the swivel.
+
+mod arm;
+mod batch;
+mod chart;
+mod circle;
+mod geometry;
+mod intervals;
+mod optimum;
+mod spherical;
+
+pub use arm::{SrsArm, Swivel};
+pub use batch::{BatchChoice, BranchInterval};
+pub use chart::Chart;
+pub use circle::{Branch, SelfMotion};
+pub use geometry::Defect;
+pub use optimum::Choice;
+
+pub(crate) use arm::{opposite, principal, signs, within};
+pub(crate) use batch::at;
+pub(crate) use circle::outside;
+pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
+pub(crate) use optimum::nearest_winding;

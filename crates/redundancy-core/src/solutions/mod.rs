@@ -1,0 +1,24 @@
+//! The set of configurations over one pose, as an object.
+//!
+//! A seven-joint arm whose shoulder and wrist are spherical meets a pose on up to eight circles. [`SrsArm`]
+//! recognises such arms from their geometry; [`SelfMotion`] is the set over one pose and [`Branch`] one circle of
+//! it, with the exact arcs on which the joint limits hold.
+
+pub mod closed_form;
+mod continuation;
+pub(crate) mod lines;
+
+pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
+pub use closed_form::srs::{
+    BatchChoice, Branch, BranchInterval, Chart, Choice, Defect, SelfMotion, SrsArm, Swivel,
+};
+pub(crate) use continuation::{Fibre, geometric, random_configurations, short_way, wind};
+pub use continuation::{
+    SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
+};
+
+// What the closed forms share.
+pub(crate) use closed_form::srs::{
+    Line, at, distance_to_line, nearest_winding, opposite, orthonormal, outside, principal, rotation_y,
+    signs, spherical, within, wrapped,
+};

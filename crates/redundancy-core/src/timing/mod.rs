@@ -1,0 +1,7 @@
+//! When to be where: the largest constant speed and the fastest profile along a path.
+
+mod speed;
+
+pub use speed::{
+    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
+};
