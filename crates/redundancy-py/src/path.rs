@@ -344,7 +344,7 @@ pub fn paths_raster(
 }
 
 /// Something that happened on the way.
-#[pyclass(name = "Event", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[pyclass(name = "Event", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyEvent {
     pub event: Event,

@@ -134,7 +134,7 @@ fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
 }
 
 /// Orientations whose body axis lies within a half-angle of a direction.
-#[pyclass(name = "Cone", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[pyclass(name = "Cone", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyCone {
     pub cone: Cone,
@@ -222,7 +222,7 @@ impl PyCone {
 }
 
 /// Orientations turned about a body axis by at most an angle from a reference.
-#[pyclass(name = "Spin", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[pyclass(name = "Spin", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PySpin {
     spin: Spin,
@@ -298,7 +298,7 @@ impl PySpin {
 }
 
 /// A set of orientations: up to three bounded rotations in sequence, or a cone.
-#[pyclass(name = "QuaternionVolume", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[pyclass(name = "QuaternionVolume", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyQuaternionVolume {
     pub volume: QuaternionVolume,
@@ -525,7 +525,7 @@ impl PyQuaternionVolume {
 }
 
 /// Where the tool axis can meet a plane.
-#[pyclass(name = "CrossSection", module = "redundancy", frozen, eq, skip_from_py_object)]
+#[pyclass(name = "CrossSection", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyCrossSection {
     section: CrossSection,

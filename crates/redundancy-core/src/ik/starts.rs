@@ -13,7 +13,7 @@
 use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use wide::{CmpLt, f32x8};
+use wide::f32x8;
 
 use crate::chain::Chain;
 use crate::kinematics::{Scratch, Task, TaskKind};
@@ -228,9 +228,9 @@ impl Starts {
         let mut index = f32x8::splat(0.0);
         for (i, block) in scores.as_chunks::<LANES>().0.iter().enumerate() {
             let x = f32x8::from(*block);
-            let less = x.cmp_lt(best);
-            best = less.blend(x, best);
-            index = less.blend(f32x8::splat(i as f32), index);
+            let less = x.simd_lt(best);
+            best = less.select(x, best);
+            index = less.select(f32x8::splat(i as f32), index);
         }
         let (best, index) = (best.to_array(), index.to_array());
         let lane = (0..LANES).min_by(|a, b| best[*a].total_cmp(&best[*b])).unwrap_or(0);

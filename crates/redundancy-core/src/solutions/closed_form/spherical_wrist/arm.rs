@@ -28,7 +28,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use wide::{CmpGt, f64x4};
+use wide::f64x4;
 
 use super::complex::{Complex, complex};
 use super::geometry::WristGeometry;
@@ -372,9 +372,9 @@ impl SphericalWristArm {
         let fore = [lanes(|half, elbow| half.2[elbow].re), lanes(|half, elbow| half.2[elbow].im)];
         let n = WristLanes::new(&g.wrist_frame, &target.tool, base, fore);
         let h = (n.axis[0] * n.axis[0] + n.axis[1] * n.axis[1]).sqrt();
-        let passes = h.cmp_gt(f64x4::splat(GIMBAL_SINE));
-        let c = passes.blend(n.axis[0] / h, f64x4::splat(1.0));
-        let s = passes.blend(n.axis[1] / h, f64x4::splat(0.0));
+        let passes = h.simd_gt(f64x4::splat(GIMBAL_SINE));
+        let c = passes.select(n.axis[0] / h, f64x4::splat(1.0));
+        let s = passes.select(n.axis[1] / h, f64x4::splat(0.0));
         let [sin, cos] = n.across(&g.wrist_frame, c, s);
         let wrist = [s.atan2(c).to_array(), h.atan2(n.axis[2]).to_array(), sin.atan2(cos).to_array()];
         for (shoulder, (_, angles, _)) in halves.iter().enumerate() {
