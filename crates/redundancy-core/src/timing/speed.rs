@@ -156,7 +156,7 @@ struct Terms {
 ///
 /// ```
 /// use redundancy_core::chain::catalog;
-/// use redundancy_core::planning::{SpeedSettings, max_speed};
+/// use redundancy_core::timing::{SpeedSettings, max_speed};
 /// let arm = catalog::load("puma560")?;
 /// // Joint 1 alone swings: its torque is all inertia.
 /// let q: Vec<f64> = (0..100).flat_map(|k| [(0.06 * f64::from(k)).sin(), 0.5, -3.0, 0.0, -1.0, 0.0]).collect();
