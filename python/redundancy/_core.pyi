@@ -1,6 +1,6 @@
 """Types of the compiled module."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, Self, TypeAlias, final, overload
 
@@ -520,10 +520,20 @@ class Sphere:
     Args:
         center: `(3,)`, m, world axes.
         radius: m, not negative.
-        velocity: `(3,)`, m/s, of an obstacle that moves.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        name: Any text.
+        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
     """
 
-    def __new__(cls, center: ArrayLike, radius: float, *, velocity: ArrayLike | None = None) -> Self: ...
+    def __new__(
+        cls,
+        center: ArrayLike,
+        radius: float,
+        *,
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+        attached_to: str | None = None,
+    ) -> Self: ...
     @property
     def center(self) -> NDArray[np.float64]:
         """Centre `(3,)`, m."""
@@ -533,6 +543,12 @@ class Sphere:
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocity `(3,)`, m/s."""
+    @property
+    def name(self) -> str | None:
+        """Its name, by which messages and `Scene(allowed=...)` know it."""
+    @property
+    def attached_to(self) -> str | None:
+        """The link that carries it."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -544,9 +560,19 @@ class Box:
         pose: Its centre and its axes.
         half_extents: `(3,)`, half of its edges, m.
         velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        name: Any text.
+        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
     """
 
-    def __new__(cls, pose: _Pose, half_extents: ArrayLike, *, velocity: ArrayLike | None = None) -> Self: ...
+    def __new__(
+        cls,
+        pose: _Pose,
+        half_extents: ArrayLike,
+        *,
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+        attached_to: str | None = None,
+    ) -> Self: ...
     @property
     def pose(self) -> NDArray[np.float64]:
         """Centre and axes `(4, 4)`."""
@@ -556,6 +582,12 @@ class Box:
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocity `(3,)`, m/s."""
+    @property
+    def name(self) -> str | None:
+        """Its name, by which messages and `Scene(allowed=...)` know it."""
+    @property
+    def attached_to(self) -> str | None:
+        """The link that carries it."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -567,11 +599,20 @@ class Capsule:
         start: `(3,)`, m, world axes.
         end: `(3,)`, m.
         radius: m, not negative.
-        velocity: `(3,)`, m/s, of an obstacle that moves.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        name: Any text.
+        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
     """
 
     def __new__(
-        cls, start: ArrayLike, end: ArrayLike, radius: float, *, velocity: ArrayLike | None = None
+        cls,
+        start: ArrayLike,
+        end: ArrayLike,
+        radius: float,
+        *,
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+        attached_to: str | None = None,
     ) -> Self: ...
     @property
     def start(self) -> NDArray[np.float64]:
@@ -585,15 +626,187 @@ class Capsule:
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocity `(3,)`, m/s."""
+    @property
+    def name(self) -> str | None:
+        """Its name, by which messages and `Scene(allowed=...)` know it."""
+    @property
+    def attached_to(self) -> str | None:
+        """The link that carries it."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
 @final
-class Scene:
-    """Obstacles in the world. Immutable.
+class Cylinder:
+    """A cylinder with any orientation.
 
     Args:
-        obstacles: Any number of `Sphere`, `Box` and `Capsule`.
+        pose: Its centre and its axes; it is round about z.
+        radius: m, not negative.
+        half_length: Half of its length, m, not negative.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        name: Any text.
+        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+    """
+
+    def __new__(
+        cls,
+        pose: _Pose,
+        radius: float,
+        half_length: float,
+        *,
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+        attached_to: str | None = None,
+    ) -> Self: ...
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Centre and axes `(4, 4)`."""
+    @property
+    def radius(self) -> float:
+        """Radius, m."""
+    @property
+    def half_length(self) -> float:
+        """Half of its length, m."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    @property
+    def name(self) -> str | None:
+        """Its name, by which messages and `Scene(allowed=...)` know it."""
+    @property
+    def attached_to(self) -> str | None:
+        """The link that carries it."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class HalfSpace:
+    """Everything on one side of a plane: a floor, a wall.
+
+    Args:
+        point: `(3,)`, a point of the plane, m, world axes.
+        normal: `(3,)`, away from the solid side; its length does not matter.
+        velocity: `(3,)`, m/s, of one that moves.
+        name: Any text.
+    """
+
+    def __new__(
+        cls,
+        point: ArrayLike,
+        normal: ArrayLike,
+        *,
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+    ) -> Self: ...
+    @property
+    def point(self) -> NDArray[np.float64]:
+        """A point of the plane `(3,)`, m."""
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """Away from the solid side `(3,)`."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    @property
+    def name(self) -> str | None:
+        """Its name, by which messages and `Scene(allowed=...)` know it."""
+    @property
+    def attached_to(self) -> str | None:
+        """The link that carries it."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Mesh:
+    """Triangles.
+
+    A closed convex mesh counts as its hull. Another one counts as its triangles and, where it is closed, as what they
+    enclose (`solid="exact"`); or as its convex hull (`"hull"`), or as convex pieces that contain its surface together
+    (`"decompose"`, which takes seconds the first time).
+
+    Args:
+        vertices: `(V, 3)`, m.
+        faces: `(F, 3)`, vertex indices from 0.
+        pose: Where the coordinates of the vertices are.
+        solid: `exact`, `hull` or `decompose`.
+        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        name: Any text.
+        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+
+    Raises:
+        RedundancyError: No face, an index that is no vertex, a vertex that is not finite.
+
+    Example:
+        >>> import redundancy as rd
+        >>> wedge = rd.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> wedge.pieces
+        1
+    """
+
+    def __new__(
+        cls,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        pose: _Pose | None = None,
+        solid: Literal["exact", "hull", "decompose"] = "exact",
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+        attached_to: str | None = None,
+    ) -> Self: ...
+    @staticmethod
+    def from_file(
+        path: str | PathLike[str],
+        *,
+        scale: float = 1.0,
+        pose: _Pose | None = None,
+        solid: Literal["exact", "hull", "decompose"] = "exact",
+        velocity: ArrayLike | None = None,
+        name: str | None = None,
+        attached_to: str | None = None,
+    ) -> Mesh:
+        """From an STL, OBJ or DAE file; `scale` makes metres of its numbers.
+
+        Raises:
+            RedundancyError: A file that is missing, too large or broken; in text formats with the line.
+        """
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """Vertices that faces use `(V, 3)`, m, those at the same place once."""
+    @property
+    def faces(self) -> NDArray[np.uint32]:
+        """Vertex indices of its triangles `(F, 3)`."""
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Where its coordinates are `(4, 4)`."""
+    @property
+    def solid(self) -> Literal["exact", "hull", "decompose"]:
+        """What it stands for."""
+    @property
+    def pieces(self) -> int:
+        """Number of convex pieces; 0 where its triangles count one by one."""
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity `(3,)`, m/s."""
+    @property
+    def name(self) -> str | None:
+        """Its name, by which messages and `Scene(allowed=...)` know it."""
+    @property
+    def attached_to(self) -> str | None:
+        """The link that carries it."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+_Obstacle: TypeAlias = Sphere | Box | Capsule | Cylinder | HalfSpace | Mesh
+
+@final
+class Scene:
+    """Obstacles in the world, and pairs that may touch. Immutable.
+
+    Args:
+        obstacles: Any number of `Sphere`, `Box`, `Capsule`, `Cylinder`, `HalfSpace` and `Mesh`.
+        allowed: Pairs of names that may touch: a link, or an obstacle that a link carries, and an obstacle. Contact
+            between them is ignored.
 
     Example:
         >>> import redundancy as rd
@@ -604,25 +817,42 @@ class Scene:
         (0.15, 'link5', 0)
     """
 
-    def __new__(cls, obstacles: Iterable[Sphere | Box | Capsule] | None = None) -> Self: ...
+    def __new__(
+        cls,
+        obstacles: Iterable[_Obstacle] | None = None,
+        *,
+        allowed: Iterable[tuple[str, str]] | None = None,
+    ) -> Self: ...
     @staticmethod
     def from_json(path: str | PathLike[str]) -> Scene:
-        """From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...]}`.
+        """From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...], "allowed": [[.., ..]]}`.
 
-        A box has `center`, `half_extents` and `quaternion_wxyz` (may be left out), a capsule `start`, `end`, `radius`;
-        any may have a `velocity`.
+        | type | numbers |
+        |---|---|
+        | `sphere` | `center`, `radius` |
+        | `box` | `center`, `half_extents`, `quaternion_wxyz` |
+        | `capsule` | `start`, `end`, `radius` |
+        | `cylinder` | `center`, `radius`, `half_length`, `quaternion_wxyz` |
+        | `half_space` | `point`, `normal` |
+        | `mesh` | `vertices` and `faces`, or `file` (from the folder of the scene's); `solid`, `center`, `quaternion_wxyz` |
+
+        Any may have a `name`, and a `velocity` or `attached_to`. Quaternions, `allowed`, and `solid` and `center` of a mesh
+        may be left out.
 
         Raises:
             RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
         """
     @staticmethod
     def from_json_string(text: str) -> Scene:
-        """From JSON text."""
+        """From JSON text; files of meshes are looked for from the current folder on."""
     def to_json(self) -> str:
-        """As JSON text, as `from_json` reads it."""
+        """As JSON text, as `from_json` reads it; meshes with their triangles."""
     @property
-    def obstacles(self) -> list[Sphere | Box | Capsule]:
+    def obstacles(self) -> list[_Obstacle]:
         """The obstacles."""
+    @property
+    def allowed(self) -> list[tuple[str, str]]:
+        """Pairs of names that may touch."""
     def at(self, t: float) -> Scene:
         """The scene at time `t` (s): moving obstacles are elsewhere."""
     def clearance(
@@ -631,17 +861,24 @@ class Scene:
         q: ArrayLike,
         link_radius: float | LinkGeometry | None = ...,
         *,
+        links: LinkGeometry | float | None = None,
         threads: int | None = None,
     ) -> ClearanceResult:
-        """The nearest pair of a link and an obstacle.
+        """The nearest pair of a link and an obstacle, and the nearest of each link.
 
-        Links are capsules from joint to joint and from the last joint to the tool.
+        Links are capsules from joint to joint and from the last joint to the tool, or what `links` says. Links that stand
+        with the base count where `links` has shapes for them. What a link carries counts as part of it against
+        other obstacles, and is an obstacle for the other links.
 
         Args:
             chain: The arm.
             q: `(n,)` or `(N, n)`.
             link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
+            links: The same under another name.
             threads: Threads for a batch; all cores when left out.
+
+        Raises:
+            RedundancyError: A name in `allowed` that is neither a link nor an obstacle, an `attached_to` that is no link.
         """
     def __len__(self) -> int: ...
     def __eq__(self, other: object, /) -> bool: ...
@@ -649,11 +886,13 @@ class Scene:
 
 @final
 class LinkGeometry:
-    """The arm as rounded segments that move with it: what of it can touch an obstacle.
+    """The body of an arm: the shapes of its links, and the pairs of links that must not touch. Immutable.
 
-    Capsules of one radius from joint to joint and from the last joint to the tool, or the primitive collision geometry
-    of a URDF, with more capsules (a tool, a hose, a camera) where wanted. It goes where a `link_radius` goes in
-    `Scene.clearance` and `Clearance`.
+    Capsules of one radius from joint to joint and from the last joint to the tool, or the collision geometry of a
+    URDF; with more shapes (a tool, a hose, a camera) where wanted. It goes where `links` or `link_radius` go.
+
+    The pairs of capsules are those that are apart in the middle of the joints' ranges and do not overlap in more than
+    95 % of 1 000 seeded configurations.
 
     Args:
         chain: The arm.
@@ -670,19 +909,48 @@ class LinkGeometry:
 
     def __new__(cls, chain: Chain, radius: float = 0.05) -> Self: ...
     @staticmethod
-    def from_urdf(chain: Chain, path: str | PathLike[str]) -> LinkGeometry:
-        """The primitive collision geometry of a URDF file, each body as the capsule around it.
+    def from_urdf(
+        chain: Chain,
+        path: str | PathLike[str],
+        meshes: Literal["hull", "decompose", "refuse"] = "hull",
+        package_dirs: Sequence[str | PathLike[str]] = ...,
+        srdf: str | PathLike[str] | None = None,
+        padding: float = 0.0,
+        posture: Mapping[str, float] | None = None,
+    ) -> LinkGeometry:
+        """The collision geometry of a URDF file: spheres, capsules, cylinders, boxes and meshes (STL, OBJ, DAE).
 
-        Spheres and capsules are exact; a cylinder gets half a ball on each end, a box the least capsule along its
-        longest edge that holds it: never too small, so what is clear is clear. Links that are fixed to a link of the
-        chain belong to it; what does not move with the chain is left out.
+        Links count that move with the chain, stand with it (a torso, a pedestal), are beyond its tip, or hang on joints
+        that are not its own (fingers, a head).
+
+        Args:
+            chain: The chain that was read from it, or one with links of the same names.
+            path: The file.
+            meshes: What meshes become: their convex hull, convex pieces, or an error.
+            package_dirs: Folders that hold packages (or are one), for `package://` names; also for relative ones. After
+                them `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and the folders above the file are searched.
+            srdf: A file whose `disable_collisions` say which links may touch. Without it the pairs are found: left out
+                are links that a joint connects, that touch in more than 95 % of 10 000 seeded configurations, or that
+                never come nearer than 20 mm in them.
+            padding: Every shape counts with everything within this distance, m.
+            posture: Positions of joints that are not the chain's (rad or m); those that are not named are at the
+                position nearest to 0 within their limits, or follow the joint that they mimic.
 
         Raises:
-            RedundancyError: A file that is no URDF, none of its links in the chain, no collision geometry on the moving
-                links, a mesh or an unknown shape, a size that is not positive; the message names the link.
+            RedundancyError: A file that is no URDF or SRDF, none of its links in the chain, no collision geometry, an
+                unknown shape, a size that is not positive, an unknown joint; a mesh that is broken, or missing:
+                the message names it and the places searched.
         """
     @staticmethod
-    def from_urdf_string(chain: Chain, xml: str) -> LinkGeometry:
+    def from_urdf_string(
+        chain: Chain,
+        xml: str,
+        meshes: Literal["hull", "decompose", "refuse"] = "hull",
+        package_dirs: Sequence[str | PathLike[str]] = ...,
+        srdf: str | PathLike[str] | None = None,
+        padding: float = 0.0,
+        posture: Mapping[str, float] | None = None,
+    ) -> LinkGeometry:
         """The same from the text of a URDF; see `from_urdf`."""
     def with_capsule(self, link: str, start: ArrayLike, end: ArrayLike, radius: float) -> LinkGeometry:
         """With one more capsule.
@@ -693,16 +961,62 @@ class LinkGeometry:
             end: `(3,)` the other end, m.
             radius: m, >= 0.
         """
+    def with_shape(self, link: str, shape: _Obstacle, pose: _Pose | None = None) -> LinkGeometry:
+        """With one more shape: a tool, a hose, a camera.
+
+        A link that had no shape before gets its pairs found. A mesh counts as its hull or its convex pieces.
+
+        Args:
+            link: Name of a link of the chain.
+            shape: What its numbers say is meant in the frame `pose` of the link.
+            pose: In the frame of the link; the link's own frame when left out.
+        """
+    def allow(self, first: str, second: str) -> LinkGeometry:
+        """Without this pair of links: they may touch."""
+    @property
+    def names(self) -> list[str]:
+        """Names of the links that have shapes."""
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """Pairs of links that must not touch."""
+    @property
+    def left_out(self) -> list[tuple[str, str, str]]:
+        """Pairs of links that are not looked at, and why: Adjacent, Always, Never, Default, User."""
+    def to_srdf(self) -> str:
+        """The pairs that are not looked at, as the text of an SRDF file."""
+    def self_clearance(
+        self, q: ArrayLike, cutoff: float | None = None, *, threads: int | None = None
+    ) -> SelfClearanceResult:
+        """How near the links come to each other.
+
+        Args:
+            q: `(n,)` or `(N, n)`.
+            cutoff: Pairs farther apart are not told apart, m; faster. All when left out.
+            threads: Threads for a batch; all cores when left out.
+        """
     @property
     def capsules(self) -> list[tuple[str, float]]:
-        """Name of the link and radius (m) of each segment."""
+        """Name of the link and radius (m) of each capsule and sphere."""
     def __len__(self) -> int: ...
     @staticmethod
-    def _from_parts(
-        chain: Chain,
-        radius: float | None,
-        added: list[tuple[str, tuple[float, float, float], tuple[float, float, float], float]],
-    ) -> LinkGeometry: ...
+    def _from_parts(chain: Chain, text: str) -> LinkGeometry: ...
+
+@final
+class SelfClearanceResult:
+    """How near the links of an arm are to each other: of one configuration, or arrays for N of them."""
+
+    @property
+    def distance(self) -> Any:
+        """The least signed distance, m: negative where links touch; the cutoff where all are farther apart."""
+    @property
+    def first(self) -> Any:
+        """Name of one of the two links (a list for a batch); `None` beyond the cutoff."""
+    @property
+    def second(self) -> Any:
+        """Name of the other one."""
+    @property
+    def gradient(self) -> NDArray[np.float64]:
+        """Derivative of the distance by the joints, `(n,)` or `(N, n)`; zero beyond the cutoff."""
 
 @final
 class ClearanceResult:
@@ -726,6 +1040,10 @@ class ClearanceResult:
     @property
     def normal(self) -> Any:
         """Unit vector from the obstacle to the link."""
+    @property
+    def by_link(self) -> dict[str, ClearanceResult]:
+        """The nearest obstacle of each link, by its name."""
+    def __float__(self) -> float: ...
 
 # criterion
 
@@ -1071,6 +1389,8 @@ class Clearance(Criterion):
         chain: The arm.
         scene: The obstacles.
         link_radius: Links are capsules of this radius (m) from joint to joint and to the tool; or a `LinkGeometry`.
+        links: The same under another name.
+        self_collision: The pairs of links count too.
         smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
     """
 
@@ -1080,8 +1400,22 @@ class Clearance(Criterion):
         scene: Scene,
         link_radius: float | LinkGeometry | None = ...,
         *,
+        links: LinkGeometry | float | None = None,
+        self_collision: bool = False,
         smoothing: float = ...,
     ) -> Self: ...
+
+@final
+class SelfClearance(Criterion):
+    """Distance of links from each other, to maximise: a soft minimum over the pairs of a `LinkGeometry`.
+
+    Args:
+        chain: The arm.
+        links: Its shapes and pairs.
+        smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+    """
+
+    def __new__(cls, chain: Chain, links: LinkGeometry, *, smoothing: float = ...) -> Self: ...
 
 @final
 class Elbow(Criterion):
@@ -1637,14 +1971,21 @@ class SwivelPlan(Trajectory):
         """Points without any configuration within the limits and off the obstacles."""
     @property
     def clearance(self) -> NDArray[np.float64] | None:
-        """Signed distance from the obstacles of each row `(N,)`, m; `None` without a scene."""
+        """Signed distance from the obstacles of each row `(N,)`, m, of all links; `None` without a scene."""
+    @property
+    def self_clearance(self) -> NDArray[np.float64] | None:
+        """Signed distance of links from each other of each row `(N,)`, m; `None` where they are not looked at."""
+    @property
+    def legal(self) -> bool:
+        """Limits, contact and continuity hold in the rows and between them."""
     @property
     def status(self) -> Status:
         """What the planner did.
 
         `converged`; `infeasible`: it takes reconfigurations; `unreachable` or `limits`: some points have no
-        configuration (no rows), or none at the fixed swivel or branch (rows up to there). Points that obstacles
-        block at every swivel are `unreachable` too; the reason says by which obstacle and how deep.
+        configuration (no rows), or none at the fixed swivel or branch (rows up to there); `collision`: obstacles or
+        links block some points at every swivel (no rows), or the path itself forces contact (all rows). The reason
+        says between what, and how deep.
         """
     @property
     def reason(self) -> str:
@@ -1654,12 +1995,12 @@ class SwivelPlan(Trajectory):
     @staticmethod
     def _from_parts(
         rows: Trajectory,
-        outcome: tuple[str, str],
+        outcome: tuple[str, str, bool],
         swivel: Sequence[float],
         branch: Sequence[int],
         jumps: tuple[Sequence[int], Sequence[str]],
         blocked: Sequence[int],
-        clearance: Sequence[float],
+        clearance: tuple[Sequence[float], Sequence[float]],
     ) -> SwivelPlan: ...
 
 def plan_swivel(
@@ -1682,6 +2023,8 @@ def plan_swivel(
     clearance_weight: float | None = None,
     manipulability_weight: float | None = None,
     acceleration_weight: float | None = None,
+    links: LinkGeometry | None = None,
+    self_collision: bool | Literal["auto"] = "auto",
     progress: Callable[[float], object] | None = None,
 ) -> SwivelPlan:
     """Plan the swivel along a whole path: away from the limits, on one branch, without a jump.
@@ -1697,7 +2040,10 @@ def plan_swivel(
         cyclic: The arm ends in the configuration in which it began; the path must be closed.
         desired: Wished swivel, rad: one, or `(N,)`.
         wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
-        link_radius: Links are capsules of this radius, m (0.05).
+        link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
+        links: Shapes of the links, and the pairs that must not touch.
+        self_collision: Whether links must not touch each other. `"auto"`: where `links` have pairs. `True` without
+            `links`: the pairs of joint-to-joint capsules that are found.
         fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
         branch: Keep to these signs (shoulder, elbow, wrist).
         margin: Distance kept from every joint limit, rad.
@@ -1729,7 +2075,9 @@ class SwivelFlow:
         desired: Wished swivel, rad: an angle, one per path point, or a callable of the time.
         scene: Obstacles.
         form: `"robust"`, `"paper"`, `"paper_u"`.
-        link_radius: Links are capsules of this radius, m (0.05).
+        link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
+        links: Shapes of the links, and the pairs that must not touch.
+        self_collision: Whether links must not touch each other; `"auto"`: where `links` have pairs.
         branch: Signs (shoulder, elbow, wrist).
         tau: Time constant, s (0.1).
         lambda_: Paper: share of the wish (0.5).
@@ -1760,6 +2108,8 @@ class SwivelFlow:
         safe_distance: float | None = None,
         active_distance: float | None = None,
         barrier_rate: float | None = None,
+        links: LinkGeometry | None = None,
+        self_collision: bool | Literal["auto"] = "auto",
     ) -> Self: ...
     def step(
         self,

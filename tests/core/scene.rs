@@ -6,7 +6,8 @@ use redundancy_core::criterion::{Clearance, Criterion, Elbow, Sense, Weighted};
 use redundancy_core::kinematics::Scratch;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::scene::{
-    Capsule, Cuboid, LinkGeometry, Obstacle, Scene, Shape, Sphere, segment_distance,
+    Capsule, Cuboid, LinkGeometry, Obstacle, Proximity, ProximityMemory, Scene, Shape, Sphere, Surroundings,
+    segment_distance,
 };
 use std::sync::Arc;
 
@@ -41,6 +42,7 @@ pub fn point_distance(p: &Vector3<f64>, shape: &Shape) -> f64 {
             let t = if d.norm_squared() > 0.0 { (p - c.start).dot(&d) / d.norm_squared() } else { 0.0 };
             (p - c.start - d * t.clamp(0.0, 1.0)).norm() - c.radius
         }
+        Shape::Cylinder(_) | Shape::HalfSpace(_) | Shape::Mesh(_) => unreachable!("tested in bodies.rs"),
         Shape::Box(b) => {
             let x = b.pose.inverse_transform_point(&(*p).into());
             let e = Vector3::from_fn(|i, _| x[i].abs() - b.half_extents[i]);
@@ -157,17 +159,25 @@ fn clearance_is_the_least_of_all_pairs() {
             assert!((gap - clearance.normal * clearance.distance).norm() < 1e-12);
             let obstacle = &scene.obstacles()[clearance.obstacle].shape;
             assert!(point_distance(&clearance.on_obstacle, obstacle).abs() < 1e-9);
-            assert!(arm.links()[clearance.link].joints_before > 0);
+            let geometry = LinkGeometry::joint_to_joint(&arm, 0.05).unwrap();
+            let name = &geometry.names()[clearance.link];
+            assert!(arm.links().iter().any(|link| link.name == *name && link.joints_before > 0));
         }
         let scene = random_scene(&mut rng, 5);
         let geometry = LinkGeometry::joint_to_joint(&arm, 0.05).unwrap();
         let q: Vec<f64> = (0..100 * arm.dof()).map(|_| rng.random_range(-2.0..2.0)).collect();
-        let rows = scene.clearance_batch(&arm, &q, &geometry).unwrap();
+        let around = Surroundings::new(&arm, &geometry, Some(&scene), false).unwrap();
+        let rows = Scene::clearance_batch(&arm, &q, &around).unwrap();
         for (q, row) in q.chunks_exact(arm.dof()).zip(rows) {
-            assert_eq!(row, scene.clearance(&arm, q, 0.05).unwrap());
+            let least = scene.clearance(&arm, q, 0.05).unwrap().unwrap();
+            assert!(row.contains(&Some(least)));
+            assert!(row.iter().flatten().all(|pair| pair.distance >= least.distance));
         }
         let kinematics = arm.kinematics(&q[..arm.dof()], &mut scratch).unwrap();
-        assert_eq!(allocations::count(|| scene.clearance_at(&geometry, &kinematics)), 0);
+        let mut memory = ProximityMemory::new();
+        let mut nearest = || around.nearest(&kinematics, 0.0, f64::INFINITY, &mut memory);
+        nearest();
+        assert_eq!(allocations::count(nearest), 0);
     }
     let empty = Scene::new(&[]).unwrap();
     assert_eq!(empty.clearance(&arms()[0], &[0.0; 7], 0.05).unwrap(), None);
@@ -179,7 +189,7 @@ fn capsules_of_a_link_move_with_it() {
     for arm in arms() {
         let (mut scratch, last) = (Scratch::new(&arm), arm.links().len() - 1);
         for link in 0..=last {
-            let geometry = LinkGeometry::joint_to_joint(&arm, 0.0).unwrap();
+            let geometry = LinkGeometry::default();
             let (start, end) = ([0.1, -0.2, 0.05], [0.3, 0.1, -0.4]);
             let made = geometry.with_capsule(&arm, link, start, end, 0.02);
             if arm.links()[link].joints_before == 0 {
@@ -188,14 +198,16 @@ fn capsules_of_a_link_move_with_it() {
             }
             let made = made.unwrap();
             let q: Vec<f64> = (0..arm.dof()).map(|_| rng.random_range(-2.0..2.0)).collect();
-            let (a, b) = made.capsules().last().unwrap().segment(&arm.kinematics(&q, &mut scratch).unwrap());
             let pose = arm.forward_link(&q, link).unwrap();
-            for (point, local) in [(a, start), (b, end)] {
-                assert!((pose.transform_point(&Vector3::from(local).into()).coords - point).norm() < 1e-14);
-            }
+            let [a, b] = [start, end].map(|p| pose.transform_point(&Vector3::from(p).into()).coords);
             let scene =
                 Scene::new(&[Sphere { center: b + Vector3::x() * 0.1, radius: 0.05 }.into()]).unwrap();
-            let h = Clearance::with_geometry(&arm, &scene, made, 0.0).unwrap();
+            let around = Surroundings::new(&arm, &made, Some(&scene), false).unwrap();
+            let kinematics = arm.kinematics(&q, &mut scratch).unwrap();
+            let near = around.nearest(&kinematics, 0.0, f64::INFINITY, &mut ProximityMemory::new()).unwrap();
+            let expected = segment_distance(&a, &b, &scene.obstacles()[0].shape).distance - 0.02;
+            assert!((near.gap.distance - expected).abs() < 1e-14);
+            let h = Clearance::of(around, 0.0).unwrap();
             assert!(against_differences(&h, &q, 1e-6).0 < 1e-7);
         }
     }
@@ -210,7 +222,8 @@ fn clearance_criterion_against_differences() {
             while checked < 100 {
                 let scene = random_scene(&mut rng, 6);
                 let geometry = LinkGeometry::joint_to_joint(&arm, 0.05).unwrap();
-                let h = Clearance::with_geometry(&arm, &scene, geometry, smoothing).unwrap();
+                let around = Surroundings::new(&arm, &geometry, Some(&scene), false).unwrap();
+                let h = Clearance::of(around, smoothing).unwrap();
                 assert_eq!(h.sense(), Sense::Maximize);
                 let q: Vec<f64> = (0..arm.dof()).map(|_| rng.random_range(-2.0..2.0)).collect();
                 let distance = scene.clearance(&arm, &q, 0.05).unwrap().unwrap().distance;
@@ -280,6 +293,7 @@ fn clearance_and_elbow_in_a_control_step() {
         let q: Vec<f64> = (0..n).map(|_| rng.random_range(-2.0..2.0)).collect();
         let mut out = vec![0.0; n];
         let kinematics = arm.kinematics(&q, &mut scratch).unwrap();
+        both.gradient_at(&q, &kinematics, &mut out); // memory of this thread
         assert_eq!(allocations::count(|| both.gradient_at(&q, &kinematics, &mut out)), 0);
         let (mut a, mut b) = (vec![0.0; n], vec![0.0; n]);
         clearance.gradient(&q, &mut a);
@@ -302,7 +316,7 @@ fn scenes_from_json() {
     let again = Scene::from_json(&scene.to_json()).unwrap();
     assert_eq!(again.to_json(), scene.to_json());
     let later = scene.at(2.0);
-    let Shape::Capsule(capsule) = later.obstacles()[2].shape else { unreachable!() };
+    let Shape::Capsule(capsule) = later.obstacles()[2].shape.clone() else { unreachable!() };
     assert_eq!(capsule.start.x, 0.2);
     let refused = |text: &str| Scene::from_json(text).map(|_| ()).unwrap_err().to_string();
     for (text, expected) in [
@@ -311,7 +325,7 @@ fn scenes_from_json() {
         (r#"{"obstacles": [1]}"#, "obstacle 0 (no type): is no object"),
         (
             r#"{"obstacles": [{"type": "cone"}]}"#,
-            "unknown type 'cone', expected one of: sphere, box, capsule",
+            "unknown type 'cone', expected one of: sphere, box, capsule, cylinder, half_space, mesh",
         ),
         (r#"{"obstacles": [{"center": [0,0,0]}]}"#, "unknown type 'nothing'"),
         (r#"{"obstacles": [{"type": "sphere", "radius": 1}]}"#, "center is missing"),
@@ -340,6 +354,8 @@ fn scenes_from_json() {
     let bad = Obstacle {
         shape: Sphere { center: Vector3::repeat(f64::NAN), radius: 1.0 }.into(),
         velocity: Vector3::zeros(),
+        name: None,
+        attached_to: None,
     };
     assert!(Scene::of_obstacles(vec![bad]).unwrap_err().to_string().contains("obstacle 0 (sphere): center"));
 }

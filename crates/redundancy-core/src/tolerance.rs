@@ -143,12 +143,24 @@ pub const URDF_BYTES: usize = 16 << 20;
 /// Most XML nodes of a URDF: thirty times those of a humanoid, some 100 MB once parsed.
 pub const URDF_NODES: u32 = 1_000_000;
 
-/// Most attributes of one element of a URDF. The format has elements with six; looking for duplicates costs the
+/// Most attributes of one element of an XML file. A URDF has elements with six; looking for duplicates costs the
 /// square of their number.
-pub const URDF_ATTRIBUTES: usize = 256;
+pub const XML_ATTRIBUTES: usize = 256;
 
-/// Most namespace declarations in a URDF. Expanded xacro files have a handful; each nested one copies its parents'.
-pub const URDF_NAMESPACES: usize = 256;
+/// Most namespace declarations in an XML file. Expanded xacro files have a handful; each nested one copies its parents'.
+pub const XML_NAMESPACES: usize = 256;
+
+/// Largest mesh file that is read, in bytes. Collision meshes have some 100 kB, scans some 10 MB.
+pub const MESH_BYTES: u64 = 256 << 20;
+
+/// Most vertices of a mesh, as read and as kept.
+pub const MESH_VERTICES: usize = 4_000_000;
+
+/// Most triangles of a mesh: those of a binary STL of the largest size.
+pub const MESH_FACES: usize = 6_000_000;
+
+/// Most XML nodes of a DAE file, some 400 MB once parsed. Numbers are not nodes.
+pub const MESH_NODES: u32 = 4_000_000;
 
 /// Largest angle, rad, that the crate's own sine and cosine reduce: its count of quarter turns stays below 2^20, so
 /// that the products of the reduction are exact. No joint turns that far; the C library takes the rest.
@@ -487,6 +499,31 @@ pub const FLOW_SMOOTHING: f64 = 0.5;
 
 /// Rate (rad/s) below which a swivel flow does not turn round when standing still will do.
 pub const FLOW_TURN: f64 = 0.2;
+
+/// Difference (m, and as a share) of the upper and lower bound of the distance of two convex shapes up to which the upper
+/// one is returned.
+pub const CONVEX_GAP: f64 = 1e-7;
+
+/// Distance (m) of two convex shapes below which the direction between their nearest points is rounding.
+pub const CONVEX_TOUCH: f64 = 1e-10;
+
+/// Share of the extent of a closed mesh by which a vertex may be above a face of a convex one: what rounding to 32 bits makes
+/// of a plane.
+pub const MESH_CONVEX: f64 = 1e-6;
+
+/// Share of seeded configurations in which two links touch beyond which they count as touching always.
+pub const PAIRS_ALWAYS: f64 = 0.95;
+
+/// Distance (m) that two links keep in all seeded configurations beyond which they never come near each other: room for what
+/// the samples have missed.
+pub const PAIRS_NEVER: f64 = 0.02;
+
+/// Slope of a distance along the freedom of a task (m per unit of motion) up to which the freedom does not change it: far above
+/// what rounding leaves, far below what any link does.
+pub const HELD_SLOPE: f64 = 1e-7;
+
+/// Halvings of a motion until it is known whether it stays clear: of 0.1 rad at arm's length 0.02 mm are left.
+pub const SWEEP_DEPTH: usize = 12;
 
 /// Largest coordinate and size of an obstacle, m: squares and products of these stay far from overflow, and a millionth of
 /// a metre is still told apart.

@@ -10,11 +10,13 @@ use redundancy_core::criterion::{
 };
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::DMatrix;
+use redundancy_core::scene::Surroundings;
 
 use crate::chain::PyChain;
 use crate::convert::{read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
-use crate::scene::{LINK_RADIUS, LinkRadius, PyScene};
+use crate::links::{LinkRadius, PyLinkGeometry, geometry_of};
+use crate::scene::{LINK_RADIUS, PyScene};
 use crate::task::{PyTask, read_task};
 
 /// A scalar function of the configuration. Sums and multiples of criteria are criteria.
@@ -215,32 +217,60 @@ pub struct PyClearanceCriterion;
 impl PyClearanceCriterion {
     #[new]
     #[pyo3(
-        signature = (chain, scene, link_radius=None, *, smoothing=CLEARANCE_SMOOTHING),
-        text_signature = "(chain, scene, link_radius=0.05, *, smoothing=0.002)"
+        signature = (chain, scene, link_radius=None, *, links=None, self_collision=false, smoothing=CLEARANCE_SMOOTHING),
+        text_signature = "(chain, scene, link_radius=0.05, *, links=None, self_collision=False, smoothing=0.002)"
     )]
     fn new(
         chain: &Bound<'_, PyChain>,
         scene: &Bound<'_, PyScene>,
         link_radius: Option<&Bound<'_, PyAny>>,
+        links: Option<&Bound<'_, PyAny>>,
+        self_collision: bool,
         smoothing: f64,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
         let arm = &chain.get().chain;
-        let link_radius = match link_radius {
+        let links = match links.or(link_radius) {
             Some(given) => given.clone(),
             None => LINK_RADIUS.into_pyobject(py)?.into_any(),
         };
-        let geometry = link_radius.extract::<LinkRadius<'_>>()?.geometry(arm)?;
-        let criterion =
-            Clearance::with_geometry(arm, &scene.get().scene, geometry, smoothing).map_err(to_py)?;
+        let geometry = links.extract::<LinkRadius<'_>>()?.geometry(arm)?;
+        let around = Surroundings::new(arm, &geometry, Some(&scene.get().scene), self_collision);
+        let criterion = around.and_then(|around| Clearance::of(around, smoothing)).map_err(to_py)?;
         let text = format!(
-            "Clearance({}, {}, link_radius={}, smoothing={smoothing:?})",
+            "Clearance({}, {}, links={}, self_collision={}, smoothing={smoothing:?})",
             arm.name(),
             scene.repr()?,
-            link_radius.repr()?
+            links.repr()?,
+            if self_collision { "True" } else { "False" }
         );
+        let keywords = (("smoothing", smoothing), ("self_collision", self_collision)).into_pyobject(py)?;
+        let arguments = (chain, scene, links).into_pyobject(py)?;
+        let recipe = partial(py, py.get_type::<Self>().into_any(), arguments, keywords)?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// Distance of links from each other, a soft minimum over all pairs, to maximise.
+#[pyclass(name = "SelfClearance", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PySelfClearanceCriterion;
+
+#[pymethods]
+impl PySelfClearanceCriterion {
+    #[new]
+    #[pyo3(signature = (chain, links, *, smoothing=CLEARANCE_SMOOTHING))]
+    fn new(
+        chain: &Bound<'_, PyChain>,
+        links: &Bound<'_, PyLinkGeometry>,
+        smoothing: f64,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let arm = &chain.get().chain;
+        let geometry = geometry_of(links, arm)?;
+        let criterion = Clearance::of_self(arm, &geometry, smoothing).map_err(to_py)?;
+        let text = format!("SelfClearance({}, {}, smoothing={smoothing:?})", arm.name(), links.repr()?);
         let keywords = (("smoothing", smoothing),).into_pyobject(py)?;
-        let arguments = (chain, scene, link_radius).into_pyobject(py)?;
+        let arguments = (chain, links).into_pyobject(py)?;
         let recipe = partial(py, py.get_type::<Self>().into_any(), arguments, keywords)?;
         Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
     }

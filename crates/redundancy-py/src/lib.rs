@@ -9,6 +9,8 @@ mod convert;
 mod criterion;
 mod error;
 mod ik;
+mod links;
+mod obstacle;
 mod optimum;
 mod orientation_plan;
 mod path;
@@ -32,12 +34,19 @@ mod _core {
         PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
     };
     #[pymodule_export]
-    use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
+    use criterion::{
+        PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture,
+        PySelfClearanceCriterion,
+    };
     #[pymodule_export]
     use ik::{
         PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PyIkTrace, PySphericalWristArm,
         half_angle_minimum, joint_cost, sinusoid_minimum,
     };
+    #[pymodule_export]
+    use links::{PyLinkGeometry, PySelfClearance};
+    #[pymodule_export]
+    use obstacle::{PyBox, PyCapsule, PyCylinder, PyHalfSpace, PyMesh, PySphere};
     #[pymodule_export]
     use optimum::{
         PyClassification, PyCofactorCondition, PyCriticalPoint, PyFollowedOptimum, PyRankedStart,
@@ -57,7 +66,7 @@ mod _core {
         quaternion_to_xyz, quaternion_to_zyz,
     };
     #[pymodule_export]
-    use scene::{PyBox, PyCapsule, PyClearance, PyLinkGeometry, PyScene, PySphere};
+    use scene::{PyClearance, PyScene};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
     #[pymodule_export]

@@ -13,6 +13,7 @@ use redundancy_core::{Error, Status};
 
 use crate::convert::{Integer, read_pose, read_vector, to_array};
 use crate::error::to_py;
+use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
 use crate::path::{PyPath, PyTrajectory};
 use crate::scene::PyScene;
 use crate::self_motion::{PySrsArm, signs_of};
@@ -58,6 +59,19 @@ impl PySwivelPlan {
         known.then(|| PyArray1::from_slice(py, &self.plan.clearance))
     }
 
+    /// Distance of links from each other in each row, m; `None` where they are not looked at.
+    #[getter]
+    fn self_clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let known = self.plan.self_clearance.len() == self.plan.q.len() && !self.plan.q.is_empty();
+        known.then(|| PyArray1::from_slice(py, &self.plan.self_clearance))
+    }
+
+    /// Limits, contact and continuity hold in the rows and between them.
+    #[getter]
+    fn legal(&self) -> bool {
+        self.plan.legal
+    }
+
     /// What the planner did.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -93,12 +107,12 @@ impl PySwivelPlan {
         let rows = Bound::new(py, PyTrajectory::from(this.as_super().get().trajectory.clone()))?;
         let parts = (
             rows,
-            (plan.status.as_str(), plan.reason.as_str()),
+            (plan.status.as_str(), plan.reason.as_str(), plan.legal),
             plan.swivel.clone(),
             plan.branch.clone(),
             (plan.reconfigurations.clone(), plan.obstructions.clone()),
             plan.blocked.clone(),
-            plan.clearance.clone(),
+            (plan.clearance.clone(), plan.self_clearance.clone()),
         );
         Ok((py.get_type::<Self>().getattr("_from_parts")?, parts.into_pyobject(py)?))
     }
@@ -107,14 +121,15 @@ impl PySwivelPlan {
     #[staticmethod]
     fn _from_parts<'py>(
         rows: &Bound<'py, PyTrajectory>,
-        outcome: (String, String),
+        outcome: (String, String, bool),
         swivel: Vec<f64>,
         branch: Vec<usize>,
         jumps: (Vec<usize>, Vec<String>),
         blocked: Vec<usize>,
-        clearance: Vec<f64>,
+        clearances: (Vec<f64>, Vec<f64>),
     ) -> PyResult<Bound<'py, Self>> {
-        let ((word, reason), (reconfigurations, obstructions)) = (outcome, jumps);
+        let (clearance, self_clearance) = clearances;
+        let ((word, reason, legal), (reconfigurations, obstructions)) = (outcome, jumps);
         let status = Status::ALL.into_iter().find(|status| status.as_str() == word);
         let trajectory = rows.get().trajectory.clone();
         let (q, rest) = trajectory.q().as_chunks::<7>();
@@ -130,6 +145,7 @@ impl PySwivelPlan {
         let plan = SwivelPlan {
             status,
             reason,
+            legal,
             q: q.to_vec(),
             swivel,
             branch,
@@ -137,6 +153,7 @@ impl PySwivelPlan {
             obstructions,
             blocked,
             clearance,
+            self_clearance,
         };
         with_trajectory(rows.py(), plan, trajectory)
     }
@@ -147,7 +164,11 @@ impl PySwivelPlan {
 #[pyo3(signature = (arm, path, scene=None, cyclic=false, desired=None, wanted_clearance=None, link_radius=None,
     velocity_limits=Some("chain".into()), *, fixed=None, branch=None, margin=0.0, swivels=None, limit_weight=None,
     motion_weight=None, swivel_weight=None, clearance_weight=None, manipulability_weight=None,
-    acceleration_weight=None, progress=None))]
+    acceleration_weight=None, links=None, self_collision=None, progress=None),
+    text_signature = "(arm, path, scene=None, cyclic=False, desired=None, wanted_clearance=None, link_radius=None, \
+        velocity_limits='chain', *, fixed=None, branch=None, margin=0.0, swivels=None, limit_weight=None, \
+        motion_weight=None, swivel_weight=None, clearance_weight=None, manipulability_weight=None, \
+        acceleration_weight=None, links=None, self_collision='auto', progress=None)")]
 #[allow(clippy::too_many_arguments)]
 pub fn py_plan_swivel<'py>(
     py: Python<'py>,
@@ -169,6 +190,8 @@ pub fn py_plan_swivel<'py>(
     clearance_weight: Option<f64>,
     manipulability_weight: Option<f64>,
     acceleration_weight: Option<f64>,
+    links: Option<&Bound<'py, PyLinkGeometry>>,
+    self_collision: Option<SelfCollision>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PySwivelPlan>> {
     let swivels = swivels.map(|n| n.count("swivels", 0)).transpose()?;
@@ -192,6 +215,8 @@ pub fn py_plan_swivel<'py>(
     };
     let branch = branch.map(read_branch).transpose()?;
     let default = SwivelPlanSettings::default();
+    let links = links.map(|links| geometry_of(links, arm.chain())).transpose()?;
+    let self_collision = SelfCollision::decided(self_collision, links.as_ref())?;
     let settings = SwivelPlanSettings {
         swivels: swivels.unwrap_or(default.swivels),
         choice,
@@ -203,6 +228,8 @@ pub fn py_plan_swivel<'py>(
         velocity_limits,
         scene: scene.map(|scene| scene.get().scene.clone()),
         link_radius: link_radius.unwrap_or(default.link_radius),
+        links,
+        self_collision,
         wanted_clearance: wanted_clearance.unwrap_or(default.wanted_clearance),
         clearance_weight: clearance_weight.unwrap_or(default.clearance_weight),
         manipulability_weight: manipulability_weight.unwrap_or(default.manipulability_weight),
@@ -266,6 +293,7 @@ pub struct PySwivelFlow {
     arm: Py<PySrsArm>,
     desired: Py<PyAny>,
     scene: Py<PyScene>,
+    links: Option<Py<PyLinkGeometry>>,
 }
 
 #[pymethods]
@@ -273,7 +301,10 @@ impl PySwivelFlow {
     #[new]
     #[pyo3(signature = (arm, desired, scene=None, form="robust", link_radius=None, *, branch=[1, 1, 1], tau=None,
         lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, active_distance=None,
-        barrier_rate=None))]
+        barrier_rate=None, links=None, self_collision=None),
+        text_signature = "(arm, desired, scene=None, form='robust', link_radius=None, *, branch=[1, 1, 1], tau=None, \
+            lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, \
+            active_distance=None, barrier_rate=None, links=None, self_collision='auto')")]
     #[allow(clippy::too_many_arguments)]
     fn new(
         arm: &Bound<'_, PySrsArm>,
@@ -291,12 +322,18 @@ impl PySwivelFlow {
         safe_distance: Option<f64>,
         active_distance: Option<f64>,
         barrier_rate: Option<f64>,
+        links: Option<&Bound<'_, PyLinkGeometry>>,
+        self_collision: Option<SelfCollision>,
     ) -> PyResult<Self> {
         let py = arm.py();
+        let shapes = links.map(|links| geometry_of(links, arm.get().arm.chain())).transpose()?;
+        let self_collision = SelfCollision::decided(self_collision, shapes.as_ref())?;
         let default = SwivelFlowSettings::default();
         let settings = SwivelFlowSettings {
             form: FlowForm::from_name(form).map_err(to_py)?,
             link_radius: link_radius.unwrap_or(default.link_radius),
+            links: shapes,
+            self_collision,
             tau: tau.unwrap_or(default.tau),
             lambda: lambda_.unwrap_or(default.lambda),
             gain: gain.unwrap_or(default.gain),
@@ -316,7 +353,13 @@ impl PySwivelFlow {
             read_angles(desired, "desired")?;
         }
         let flow = SwivelFlow::new(&arm.get().arm, &scene.get().scene, settings).map_err(to_py)?;
-        Ok(Self { flow, arm: arm.clone().unbind(), desired: desired.clone().unbind(), scene: scene.unbind() })
+        Ok(Self {
+            flow,
+            arm: arm.clone().unbind(),
+            desired: desired.clone().unbind(),
+            scene: scene.unbind(),
+            links: links.map(|links| links.clone().unbind()),
+        })
     }
 
     /// The swivel at `pose` after `dt`.
@@ -427,6 +470,8 @@ impl PySwivelFlow {
         options.set_item("safe_distance", settings.safe_distance)?;
         options.set_item("active_distance", settings.active_distance)?;
         options.set_item("barrier_rate", settings.barrier_rate)?;
+        options.set_item("links", &self.links)?;
+        options.set_item("self_collision", settings.self_collision)?;
         let class = py.get_type::<Self>();
         let make = py.import("functools")?.getattr("partial")?.call((class,), Some(&options))?;
         Ok((make, (&self.arm, &self.desired, &self.scene).into_pyobject(py)?))

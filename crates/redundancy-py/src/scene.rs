@@ -3,230 +3,22 @@
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
-use redundancy_core::chain::{Chain, CollisionBody};
+use pyo3::types::PyDict;
+use redundancy_core::Error;
 use redundancy_core::nalgebra::Vector3;
-use redundancy_core::scene::{Capsule, Cuboid, LinkGeometry, NearestPair, Obstacle, Scene, Shape, Sphere};
-use redundancy_core::{Error, pose_to_row_major};
+use redundancy_core::scene::{ByLink, NearestPair, Scene, Surroundings};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Threads, read_array, read_pose, read_rows, to_array};
+use crate::convert::{Threads, read_rows, to_array};
 use crate::error::to_py;
+use crate::links::LinkRadius;
+use crate::obstacle::{AnyObstacle, list, to_object};
 
 /// Radius of the links, m, where none is given.
 pub const LINK_RADIUS: f64 = 0.05;
 /// Configurations between two looks for Ctrl-C.
 const BLOCK: usize = 8_192;
-
-fn velocity_of(velocity: Option<&Bound<'_, PyAny>>) -> PyResult<Vector3<f64>> {
-    Ok(velocity.map_or(Ok([0.0; 3]), |v| read_array(v, "velocity"))?.into())
-}
-
-fn list(v: &Vector3<f64>) -> [f64; 3] {
-    [v.x, v.y, v.z]
-}
-
-/// `, velocity=...` where there is one.
-fn velocity_text(obstacle: &Obstacle) -> String {
-    if obstacle.velocity == Vector3::zeros() {
-        return String::new();
-    }
-    format!(", velocity={:?}", list(&obstacle.velocity))
-}
-
-/// A ball.
-#[pyclass(name = "Sphere", module = "redundancy", frozen, eq)]
-#[derive(PartialEq)]
-pub struct PySphere {
-    obstacle: Obstacle,
-    sphere: Sphere,
-}
-
-#[pymethods]
-impl PySphere {
-    #[new]
-    #[pyo3(signature = (center, radius, *, velocity=None))]
-    fn new(center: &Bound<'_, PyAny>, radius: f64, velocity: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let sphere = Sphere { center: read_array(center, "center")?.into(), radius };
-        let obstacle = Obstacle::moving(sphere.into(), velocity_of(velocity)?).map_err(to_py)?;
-        Ok(Self { obstacle, sphere })
-    }
-
-    /// Centre, m.
-    #[getter]
-    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.sphere.center.as_slice())
-    }
-
-    /// Radius, m.
-    #[getter]
-    fn radius(&self) -> f64 {
-        self.sphere.radius
-    }
-
-    /// Velocity, m/s.
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
-    }
-
-    fn __repr__(&self) -> String {
-        let velocity = velocity_text(&self.obstacle);
-        format!("Sphere({:?}, {:?}{velocity})", list(&self.sphere.center), self.sphere.radius)
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let again = py.get_type::<Self>().getattr("_from_parts")?;
-        let parts = (list(&self.sphere.center), self.sphere.radius, list(&self.obstacle.velocity));
-        Ok((again, parts.into_pyobject(py)?))
-    }
-
-    #[staticmethod]
-    fn _from_parts(center: [f64; 3], radius: f64, velocity: [f64; 3]) -> PyResult<Self> {
-        let sphere = Sphere { center: center.into(), radius };
-        Ok(Self { obstacle: Obstacle::moving(sphere.into(), velocity.into()).map_err(to_py)?, sphere })
-    }
-}
-
-/// A box with any orientation.
-#[pyclass(name = "Box", module = "redundancy", frozen, eq)]
-#[derive(PartialEq)]
-pub struct PyBox {
-    obstacle: Obstacle,
-    cuboid: Cuboid,
-}
-
-#[pymethods]
-impl PyBox {
-    #[new]
-    #[pyo3(signature = (pose, half_extents, *, velocity=None))]
-    fn new(
-        pose: &Bound<'_, PyAny>,
-        half_extents: &Bound<'_, PyAny>,
-        velocity: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let half_extents = read_array(half_extents, "half_extents")?.into();
-        let cuboid = Cuboid { pose: read_pose(pose)?, half_extents };
-        Ok(Self { obstacle: Obstacle::moving(cuboid.into(), velocity_of(velocity)?).map_err(to_py)?, cuboid })
-    }
-
-    /// Centre and axes `(4, 4)`.
-    #[getter]
-    fn pose<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(to_array(py, &pose_to_row_major(&self.cuboid.pose), [4, 4])?.into_any())
-    }
-
-    /// Half of its edges, m.
-    #[getter]
-    fn half_extents<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.cuboid.half_extents.as_slice())
-    }
-
-    /// Velocity, m/s.
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
-    }
-
-    fn __repr__(&self) -> String {
-        let center = list(&self.cuboid.pose.translation.vector);
-        let velocity = velocity_text(&self.obstacle);
-        format!("Box(at {center:?}, half_extents={:?}{velocity})", list(&self.cuboid.half_extents))
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let again = py.get_type::<Self>().getattr("_from_parts")?;
-        let pose = pose_to_row_major(&self.cuboid.pose);
-        let parts = (pose, list(&self.cuboid.half_extents), list(&self.obstacle.velocity));
-        Ok((again, parts.into_pyobject(py)?))
-    }
-
-    #[staticmethod]
-    fn _from_parts(pose: [f64; 16], half_extents: [f64; 3], velocity: [f64; 3]) -> PyResult<Self> {
-        let pose = redundancy_core::pose_from_row_major(&pose).map_err(to_py)?;
-        let cuboid = Cuboid { pose, half_extents: half_extents.into() };
-        Ok(Self { obstacle: Obstacle::moving(cuboid.into(), velocity.into()).map_err(to_py)?, cuboid })
-    }
-}
-
-/// All points within `radius` of a segment.
-#[pyclass(name = "Capsule", module = "redundancy", frozen, eq)]
-#[derive(PartialEq)]
-pub struct PyCapsule {
-    obstacle: Obstacle,
-    capsule: Capsule,
-}
-
-#[pymethods]
-impl PyCapsule {
-    #[new]
-    #[pyo3(signature = (start, end, radius, *, velocity=None))]
-    fn new(
-        start: &Bound<'_, PyAny>,
-        end: &Bound<'_, PyAny>,
-        radius: f64,
-        velocity: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let capsule = Capsule {
-            start: read_array(start, "start")?.into(),
-            end: read_array(end, "end")?.into(),
-            radius,
-        };
-        let obstacle = Obstacle::moving(capsule.into(), velocity_of(velocity)?).map_err(to_py)?;
-        Ok(Self { obstacle, capsule })
-    }
-
-    /// One end of the segment, m.
-    #[getter]
-    fn start<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.capsule.start.as_slice())
-    }
-
-    /// The other end, m.
-    #[getter]
-    fn end<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.capsule.end.as_slice())
-    }
-
-    /// Radius, m.
-    #[getter]
-    fn radius(&self) -> f64 {
-        self.capsule.radius
-    }
-
-    /// Velocity, m/s.
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
-    }
-
-    fn __repr__(&self) -> String {
-        let (start, end) = (list(&self.capsule.start), list(&self.capsule.end));
-        format!("Capsule({start:?}, {end:?}, {:?}{})", self.capsule.radius, velocity_text(&self.obstacle))
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let again = py.get_type::<Self>().getattr("_from_parts")?;
-        let ends = (list(&self.capsule.start), list(&self.capsule.end));
-        let parts = (ends.0, ends.1, self.capsule.radius, list(&self.obstacle.velocity));
-        Ok((again, parts.into_pyobject(py)?))
-    }
-
-    #[staticmethod]
-    fn _from_parts(start: [f64; 3], end: [f64; 3], radius: f64, velocity: [f64; 3]) -> PyResult<Self> {
-        let capsule = Capsule { start: start.into(), end: end.into(), radius };
-        Ok(Self { obstacle: Obstacle::moving(capsule.into(), velocity.into()).map_err(to_py)?, capsule })
-    }
-}
-
-/// An obstacle of any type.
-#[derive(FromPyObject)]
-pub enum AnyObstacle<'py> {
-    Sphere(Bound<'py, PySphere>),
-    Box(Bound<'py, PyBox>),
-    Capsule(Bound<'py, PyCapsule>),
-}
 
 /// Obstacles in the world.
 #[pyclass(name = "Scene", module = "redundancy", frozen, eq)]
@@ -238,31 +30,31 @@ pub struct PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (obstacles=None))]
-    fn new(obstacles: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    #[pyo3(signature = (obstacles=None, *, allowed=None))]
+    fn new(obstacles: Option<&Bound<'_, PyAny>>, allowed: Option<Vec<[String; 2]>>) -> PyResult<Self> {
         let mut list = Vec::new();
         let items = obstacles.map(|given| {
             let unfit = |_| {
                 let word = given.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
-                let message = format!("obstacles is one {word}, expected a list of Sphere, Box and Capsule");
+                let message =
+                    format!("obstacles is one {word}, expected a list of obstacles such as Sphere and Box");
                 PyTypeError::new_err(message)
             };
             given.try_iter().map_err(unfit)
         });
         for item in items.transpose()?.into_iter().flatten() {
             let item = item?;
-            list.push(match item.extract::<AnyObstacle<'_>>() {
-                Ok(AnyObstacle::Sphere(o)) => o.get().obstacle,
-                Ok(AnyObstacle::Box(o)) => o.get().obstacle,
-                Ok(AnyObstacle::Capsule(o)) => o.get().obstacle,
+            match item.extract::<AnyObstacle<'_>>() {
+                Ok(obstacle) => list.push(obstacle.obstacle().clone()),
                 Err(_) => {
                     let (i, text) = (list.len(), item.repr()?);
-                    let message = format!("obstacle {i} is {text}, expected a Sphere, a Box or a Capsule");
-                    return Err(to_py(Error::Invalid(message)));
+                    let kinds = "a Sphere, a Box, a Capsule, a Cylinder, a HalfSpace or a Mesh";
+                    return Err(to_py(Error::Invalid(format!("obstacle {i} is {text}, expected {kinds}"))));
                 }
-            });
+            }
         }
-        Ok(Self { scene: Scene::of_obstacles(list).map_err(to_py)? })
+        let scene = Scene::of_obstacles(list).map_err(to_py)?;
+        Ok(Self { scene: scene.with_allowed(allowed.unwrap_or_default()).map_err(to_py)? })
     }
 
     /// From a file.
@@ -285,15 +77,13 @@ impl PyScene {
     /// The obstacles.
     #[getter]
     fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        let one = |o: &Obstacle| -> PyResult<Bound<'py, PyAny>> {
-            let obstacle = *o;
-            Ok(match o.shape {
-                Shape::Sphere(sphere) => Bound::new(py, PySphere { obstacle, sphere })?.into_any(),
-                Shape::Box(cuboid) => Bound::new(py, PyBox { obstacle, cuboid })?.into_any(),
-                Shape::Capsule(capsule) => Bound::new(py, PyCapsule { obstacle, capsule })?.into_any(),
-            })
-        };
-        self.scene.obstacles().iter().map(one).collect()
+        self.scene.obstacles().iter().map(|obstacle| to_object(py, obstacle)).collect()
+    }
+
+    /// Pairs of names that may touch.
+    #[getter]
+    fn allowed(&self) -> Vec<(String, String)> {
+        self.scene.allowed().iter().map(|[a, b]| (a.clone(), b.clone())).collect()
     }
 
     /// The scene at time `t`.
@@ -306,8 +96,8 @@ impl PyScene {
 
     /// The nearest pair of link and obstacle, of one configuration or of many.
     #[pyo3(
-        signature = (chain, q, link_radius=None, *, threads=None),
-        text_signature = "($self, chain, q, link_radius=0.05, *, threads=None)"
+        signature = (chain, q, link_radius=None, *, links=None, threads=None),
+        text_signature = "($self, chain, q, link_radius=0.05, *, links=None, threads=None)"
     )]
     fn clearance<'py>(
         &self,
@@ -315,21 +105,23 @@ impl PyScene {
         chain: &Bound<'py, PyChain>,
         q: &Bound<'py, PyAny>,
         link_radius: Option<LinkRadius<'_>>,
+        links: Option<LinkRadius<'_>>,
         threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyClearance>> {
         let chain = &chain.get().chain;
         let n = chain.dof();
-        let geometry = link_radius.unwrap_or(LinkRadius::Radius(LINK_RADIUS)).geometry(chain)?;
+        let links = links.or(link_radius).unwrap_or(LinkRadius::Radius(LINK_RADIUS));
+        let around =
+            Surroundings::new(chain, &links.geometry(chain)?, Some(&self.scene), false).map_err(to_py)?;
         let rows = read_rows(q, "q", &[n])?;
         let values = rows.as_slice()?;
-        let mut pairs = Vec::with_capacity(values.len() / n.max(1));
+        let mut all = Vec::with_capacity(values.len() / n.max(1));
         in_blocks(py, values.len() / n.max(1), BLOCK, threads, |range| {
             let block = &values[range.start * n..range.end * n];
-            pairs.extend(self.scene.clearance_batch(chain, block, &geometry)?);
+            all.extend(Scene::clearance_batch(chain, block, &around)?);
             Ok(())
         })?;
-        let links = chain.links().iter().map(|link| link.name.clone()).collect();
-        Bound::new(py, PyClearance { pairs, links, batch: rows.batch.is_some() })
+        Bound::new(py, PyClearance::of(all, around.link_names().to_vec(), rows.batch.is_some()))
     }
 
     fn __len__(&self) -> usize {
@@ -341,159 +133,35 @@ impl PyScene {
         format!("Scene({})", words.join(", "))
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Vec<Bound<'py, PyAny>>,))> {
-        Ok((py.get_type::<Self>().into_any(), (self.obstacles(py)?,)))
-    }
-}
-
-type CapsuleParts = (String, [f64; 3], [f64; 3], f64);
-
-/// The arm as rounded segments: what of it can touch an obstacle.
-#[pyclass(name = "LinkGeometry", module = "redundancy", frozen)]
-pub struct PyLinkGeometry {
-    chain: Py<PyChain>,
-    pub geometry: LinkGeometry,
-    /// What it was made of: a radius from joint to joint, then capsules in frames of links.
-    radius: Option<f64>,
-    added: Vec<CapsuleParts>,
-}
-
-#[pymethods]
-impl PyLinkGeometry {
-    /// Capsules of one radius from joint to joint and from the last joint to the tool.
-    #[new]
-    #[pyo3(signature = (chain, radius=0.05))]
-    fn new(chain: Py<PyChain>, radius: f64) -> PyResult<Self> {
-        let geometry = LinkGeometry::joint_to_joint(&chain.get().chain, radius).map_err(to_py)?;
-        Ok(Self { chain, geometry, radius: Some(radius), added: Vec::new() })
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, SceneParts<'py>)> {
+        Ok((py.get_type::<Self>().getattr("_from_parts")?, (self.obstacles(py)?, self.allowed())))
     }
 
-    /// The primitive collision geometry of a URDF file, each body as the capsule around it.
     #[staticmethod]
-    fn from_urdf(chain: Py<PyChain>, path: std::path::PathBuf) -> PyResult<Self> {
-        let bodies = chain.get().chain.collision_from_urdf(path).map_err(to_py)?;
-        Self::of_bodies(chain, &bodies)
-    }
-
-    /// The same from the text of a URDF.
-    #[staticmethod]
-    fn from_urdf_string(chain: Py<PyChain>, xml: &str) -> PyResult<Self> {
-        let bodies = chain.get().chain.collision_from_urdf_string(xml).map_err(to_py)?;
-        Self::of_bodies(chain, &bodies)
-    }
-
-    /// With one more capsule, given in the frame of a link.
-    fn with_capsule(
-        &self,
-        py: Python<'_>,
-        link: &str,
-        start: &Bound<'_, PyAny>,
-        end: &Bound<'_, PyAny>,
-        radius: f64,
-    ) -> PyResult<Self> {
-        let mut added = self.added.clone();
-        added.push((link.into(), read_array(start, "start")?, read_array(end, "end")?, radius));
-        Self::_from_parts(self.chain.clone_ref(py), self.radius, added)
-    }
-
-    /// Number of segments.
-    fn __len__(&self) -> usize {
-        self.geometry.capsules().len()
-    }
-
-    /// Name of the link and radius of each segment.
-    #[getter]
-    fn capsules(&self) -> Vec<(String, f64)> {
-        let links = self.chain.get().chain.links();
-        let name = |link: usize| links.get(link).map(|l| l.name.clone()).unwrap_or_default();
-        self.geometry.capsules().iter().map(|c| (name(c.link), c.radius)).collect()
-    }
-
-    fn __repr__(&self) -> String {
-        format!(
-            "LinkGeometry({}, {} capsules)",
-            self.chain.get().chain.name(),
-            self.geometry.capsules().len()
-        )
-    }
-
-    fn __reduce__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Py<PyChain>, Option<f64>, Vec<CapsuleParts>))> {
-        let make = py.get_type::<Self>().getattr("_from_parts")?;
-        Ok((make, (self.chain.clone_ref(py), self.radius, self.added.clone())))
-    }
-
-    /// Inverse of pickling.
-    #[staticmethod]
-    fn _from_parts(chain: Py<PyChain>, radius: Option<f64>, added: Vec<CapsuleParts>) -> PyResult<Self> {
-        let arm = &chain.get().chain;
-        let mut geometry = match radius {
-            Some(radius) => LinkGeometry::joint_to_joint(arm, radius),
-            None => Ok(LinkGeometry::default()),
-        };
-        for (link, start, end, radius) in &added {
-            let place = |geometry: LinkGeometry| {
-                geometry.with_capsule(arm, arm.link_index(link)?, *start, *end, *radius)
-            };
-            geometry = geometry.and_then(place);
-        }
-        let geometry = geometry.map_err(to_py)?;
-        Ok(Self { chain, geometry, radius, added })
+    fn _from_parts(obstacles: &Bound<'_, PyAny>, allowed: Vec<[String; 2]>) -> PyResult<Self> {
+        Self::new(Some(obstacles), Some(allowed))
     }
 }
 
-impl PyLinkGeometry {
-    fn of_bodies(chain: Py<PyChain>, bodies: &[CollisionBody]) -> PyResult<Self> {
-        let arm = &chain.get().chain;
-        let geometry = LinkGeometry::of_bodies(arm, bodies).map_err(to_py)?;
-        let added = bodies.iter().map(|body| {
-            let (start, end, radius) = LinkGeometry::capsule_around(body);
-            (arm.links()[body.link].name.clone(), start, end, radius)
-        });
-        let added = added.collect();
-        Ok(Self { chain, geometry, radius: None, added })
-    }
-}
-
-/// `link_radius`: a radius of capsules from joint to joint, or a geometry.
-#[derive(FromPyObject)]
-pub enum LinkRadius<'py> {
-    Geometry(Bound<'py, PyLinkGeometry>),
-    Radius(f64),
-}
-
-impl LinkRadius<'_> {
-    /// The segments of `chain`.
-    pub fn geometry(&self, chain: &Chain) -> PyResult<LinkGeometry> {
-        match self {
-            Self::Radius(radius) => LinkGeometry::joint_to_joint(chain, *radius).map_err(to_py),
-            Self::Geometry(given) => {
-                let made_for = &given.get().chain.get().chain;
-                if made_for != chain {
-                    let message = format!(
-                        "link_radius is a LinkGeometry of '{}', not of this '{}'",
-                        made_for.name(),
-                        chain.name()
-                    );
-                    return Err(to_py(Error::Invalid(message)));
-                }
-                Ok(given.get().geometry.clone())
-            }
-        }
-    }
-}
+type SceneParts<'py> = (Vec<Bound<'py, PyAny>>, Vec<(String, String)>);
 
 /// How near an arm is to a scene: of one configuration, or of N as arrays.
 #[pyclass(name = "ClearanceResult", module = "redundancy", frozen)]
 pub struct PyClearance {
     pairs: Vec<Option<NearestPair>>,
+    /// The nearest of each link, of each configuration; empty in what is itself of one link.
+    by_link: Vec<ByLink>,
     links: Vec<String>,
     batch: bool,
 }
 
 impl PyClearance {
+    fn of(by_link: Vec<ByLink>, links: Vec<String>, batch: bool) -> Self {
+        let least =
+            |row: &ByLink| row.iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance)).copied();
+        Self { pairs: by_link.iter().map(least).collect(), by_link, links, batch }
+    }
+
     fn each<'py, T: IntoPyObject<'py>>(
         &self,
         py: Python<'py>,
@@ -569,6 +237,28 @@ impl PyClearance {
         self.points(py, |pair| pair.normal)
     }
 
+    /// The nearest pair of each link, by name.
+    #[getter]
+    fn by_link<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        for (i, name) in self.links.iter().enumerate() {
+            let pairs: Vec<Option<NearestPair>> =
+                self.by_link.iter().map(|row| row.get(i).copied().flatten()).collect();
+            if pairs.iter().any(Option::is_some) {
+                let one = Self { pairs, by_link: Vec::new(), links: self.links.clone(), batch: self.batch };
+                out.set_item(name, Bound::new(py, one)?)?;
+            }
+        }
+        Ok(out)
+    }
+
+    fn __float__(&self) -> PyResult<f64> {
+        if self.batch {
+            return Err(PyTypeError::new_err("the clearance of several configurations is no number"));
+        }
+        Ok(self.pairs.first().copied().flatten().map_or(f64::INFINITY, |pair| pair.distance))
+    }
+
     fn __repr__(&self) -> String {
         match (self.batch, self.pairs.first().copied().flatten()) {
             (true, _) => {
@@ -588,12 +278,21 @@ impl PyClearance {
         let parts = |p: &NearestPair| {
             (p.distance, p.link, p.obstacle, [list(&p.on_link), list(&p.on_obstacle), list(&p.normal)])
         };
-        let pairs = self.pairs.iter().map(|pair| pair.as_ref().map(parts)).collect();
-        Ok((py.get_type::<Self>().getattr("_from_parts")?, (pairs, self.links.clone(), self.batch)))
+        let all = |row: &[Option<NearestPair>]| row.iter().map(|pair| pair.as_ref().map(parts)).collect();
+        let by_link = self.by_link.iter().map(|row| all(row)).collect();
+        Ok((
+            py.get_type::<Self>().getattr("_from_parts")?,
+            (all(&self.pairs), by_link, self.links.clone(), self.batch),
+        ))
     }
 
     #[staticmethod]
-    fn _from_parts(pairs: Vec<Option<PairParts>>, links: Vec<String>, batch: bool) -> Self {
+    fn _from_parts(
+        pairs: Vec<Option<PairParts>>,
+        by_link: Vec<Vec<Option<PairParts>>>,
+        links: Vec<String>,
+        batch: bool,
+    ) -> Self {
         let pair = |(distance, link, obstacle, [on_link, on_obstacle, normal]): PairParts| NearestPair {
             distance,
             link,
@@ -602,9 +301,10 @@ impl PyClearance {
             on_obstacle: on_obstacle.into(),
             normal: normal.into(),
         };
-        Self { pairs: pairs.into_iter().map(|p| p.map(pair)).collect(), links, batch }
+        let all = |row: Vec<Option<PairParts>>| row.into_iter().map(|p| p.map(pair)).collect::<Vec<_>>();
+        Self { pairs: all(pairs), by_link: by_link.into_iter().map(all).collect(), links, batch }
     }
 }
 
 type PairParts = (f64, usize, usize, [[f64; 3]; 3]);
-type Parts = (Vec<Option<PairParts>>, Vec<String>, bool);
+type Parts = (Vec<Option<PairParts>>, Vec<Vec<Option<PairParts>>>, Vec<String>, bool);

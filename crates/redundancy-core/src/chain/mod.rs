@@ -13,10 +13,11 @@ mod chain;
 mod collision;
 mod dh;
 mod joint;
+pub(crate) mod xml;
 
 pub use builder::ChainBuilder;
 pub use chain::{Chain, Link};
-pub use collision::{CollisionBody, CollisionShape};
+pub use collision::{CollisionBody, CollisionModel, CollisionShape};
 pub use dh::{DhConvention, DhRow};
 pub use joint::{Inertia, Joint, JointKind, Limits};
 pub use urdf::MissingLimits;

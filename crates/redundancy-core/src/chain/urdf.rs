@@ -27,14 +27,15 @@ use std::io::Read;
 use std::path::Path;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Node};
 
 use super::builder::ChainBuilder;
 use super::chain::Chain;
 use super::joint::{Inertia, JointKind, Limits};
+use super::xml;
 use crate::error::{Error, Result};
 use crate::pose::{Pose, pose};
-use crate::tolerance::{QUATERNION_NORM, URDF_ATTRIBUTES, URDF_BYTES, URDF_NAMESPACES, URDF_NODES};
+use crate::tolerance::{QUATERNION_NORM, URDF_BYTES, URDF_NODES};
 
 /// What to do with a revolute or prismatic joint without `<limit>`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -123,53 +124,11 @@ pub(super) fn in_file(path: &Path, error: Error) -> Error {
 
 /// Parses the text of a URDF and hands its links and joints on.
 pub(super) fn with_tree<T>(xml: &str, read: impl FnOnce(&Tree<'_, '_>) -> Result<T>) -> Result<T> {
-    // Blank lines before the XML declaration are against the standard and common.
-    let xml = xml.trim_start_matches('\u{feff}').trim_start();
-    guard(xml)?;
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: URDF_NODES, ..Default::default() };
-    let document = Document::parse_with_options(xml, options).map_err(|error| match error {
-        roxmltree::Error::DtdDetected => {
-            bad("document type definitions (<!DOCTYPE ...>, entities) are refused; remove it")
-        }
-        other => bad(format!("not well-formed XML: {other}")),
-    })?;
-    read(&Tree::read(&document)?)
+    xml::with_document("URDF", xml, (URDF_BYTES, URDF_NODES), bad, |document| read(&Tree::read(document)?))
 }
 
 pub(super) fn bad(message: impl Into<String>) -> Error {
     Error::Description(message.into())
-}
-
-/// Bounds what the parser's cost depends on more than linearly.
-fn guard(xml: &str) -> Result<()> {
-    let check = |what: &str, value: usize, bound: usize| {
-        if value <= bound {
-            return Ok(());
-        }
-        Err(Error::OutOfRange {
-            what: format!("URDF: {what}"),
-            value: value as f64,
-            bound: format!("<= {bound}"),
-        })
-    };
-    check("number of bytes", xml.len(), URDF_BYTES)?;
-    check("number of namespace declarations", xml.matches("xmlns").count(), URDF_NAMESPACES)?;
-    let mut attributes = 0;
-    let mut equals = false;
-    for byte in xml.bytes() {
-        match byte {
-            b'<' => (attributes, equals) = (0, false),
-            b'=' => equals = true,
-            b'"' | b'\'' if equals => {
-                attributes += 1;
-                equals = false;
-                check("number of attributes of one element", attributes, URDF_ATTRIBUTES)?;
-            }
-            b' ' | b'\t' | b'\r' | b'\n' => {}
-            _ => equals = false,
-        }
-    }
-    Ok(())
 }
 
 /// The links and joints of a document, by index, and how they hang together.
@@ -180,14 +139,14 @@ pub(super) struct Tree<'a, 'x> {
     /// For each link the joint above it.
     pub above: Vec<Option<usize>>,
     /// For each link the joints below it.
-    below: Vec<Vec<usize>>,
+    pub below: Vec<Vec<usize>>,
 }
 
 pub(super) struct JointNode<'a, 'x> {
     pub name: &'a str,
     pub kind: &'a str,
     pub parent: usize,
-    child: usize,
+    pub child: usize,
     pub node: Node<'a, 'x>,
 }
 

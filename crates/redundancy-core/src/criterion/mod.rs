@@ -17,11 +17,13 @@ pub use stationarity::Stationarity;
 pub(crate) use stationarity::check_redundant;
 pub use weighted::Weighted;
 
+use std::sync::Arc;
+
 use nalgebra::DMatrix;
 
 use crate::chain::Chain;
 use crate::error::{Error, Result};
-use crate::kinematics::Kinematics;
+use crate::kinematics::{Kinematics, Task};
 
 /// Whether a criterion is to be small or large.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,6 +115,13 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
     ) {
         self.gradient_at(q, kinematics, gradient);
         self.hessian(q, hessian);
+    }
+
+    /// The criterion for a scheme that keeps a task, where it is another one: without what the freedom of the task cannot change
+    /// but which would outweigh the rest.
+    fn for_task(&self, task: &Task) -> Option<Arc<dyn Criterion>> {
+        let _ = task;
+        None
     }
 
     /// `h = sum_i weight_i / 2 (q_i - center_i)^2 + constant`, where it has this form: then its optimum over a circle

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use super::{Criterion, JointSpring, Sense};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
-use crate::kinematics::Kinematics;
+use crate::kinematics::{Kinematics, Task};
 use crate::tolerance::CRITERION_FACTOR;
 
 /// Joints up to which the gradient of a term lies on the stack: more than any arm has.
@@ -99,6 +99,16 @@ impl Criterion for Weighted {
 
     fn gradient_at(&self, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
         self.add_up(out, |h, one| h.gradient_at(q, kinematics, one));
+    }
+
+    fn for_task(&self, task: &Task) -> Option<Arc<dyn Criterion>> {
+        let new: Vec<_> = self.terms.iter().map(|(_, h)| h.for_task(task)).collect();
+        if new.iter().all(Option::is_none) {
+            return None;
+        }
+        let terms =
+            self.terms.iter().zip(new).map(|((factor, h), new)| (*factor, new.unwrap_or_else(|| h.clone())));
+        Some(Arc::new(Self { terms: terms.collect(), dof: self.dof, sense: self.sense }))
     }
 
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {

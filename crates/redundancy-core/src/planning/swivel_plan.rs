@@ -31,7 +31,7 @@ use crate::error::{Error, Result, check_finite};
 use crate::kinematics::rotation_vector;
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::pose::Pose;
-use crate::scene::Scene;
+use crate::scene::{LinkGeometry, Scene};
 use crate::solutions::{SelfMotion, SrsArm};
 use crate::status::Status;
 use crate::tolerance::{CYCLE_ANGLE, CYCLE_POSITION, FREE_SPEED};
@@ -68,8 +68,12 @@ pub struct SwivelPlanSettings {
     pub velocity_limits: Option<Vec<f64>>,
     /// What is in the way. Obstacles that move are where the times of the path have them, at 0 without times.
     pub scene: Option<Scene>,
-    /// Radius of the links, m.
+    /// Radius of the links, m, where no shapes are given.
     pub link_radius: f64,
+    /// Shapes of the links; `None`: capsules from joint to joint.
+    pub links: Option<LinkGeometry>,
+    /// Links must not touch each other: the pairs of `links`, of capsules those that are found.
+    pub self_collision: bool,
     /// Distance from obstacles that is wanted, m; contact is forbidden.
     pub wanted_clearance: f64,
     /// Weight of what is missing from the wanted distance.
@@ -95,6 +99,8 @@ impl Default for SwivelPlanSettings {
             velocity_limits: None,
             scene: None,
             link_radius: 0.05,
+            links: None,
+            self_collision: false,
             wanted_clearance: 0.03,
             clearance_weight: 1e4,
             manipulability_weight: 0.0,
@@ -156,11 +162,13 @@ impl SwivelPlanSettings {
 /// A swivel for every point of a path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SwivelPlan {
-    /// `Converged`; `Infeasible` when it takes reconfigurations; `Unreachable` or `Limits` when some points have no
-    /// configuration at all (then there are no rows).
+    /// `Converged`; `Infeasible` when it takes reconfigurations; `Unreachable`, `Limits` or `Collision` when some points have no
+    /// configuration at all (then there are no rows); `Collision` with all rows where the path itself forces contact.
     pub status: Status,
     /// Why it is not `Converged`: which points and what is in the way.
     pub reason: String,
+    /// Limits, contact and continuity hold at the points and between them.
+    pub legal: bool,
     /// Joint positions, one row per point.
     pub q: Vec<[f64; 7]>,
     /// Swivel of each point, rad, continuous (unwound).
@@ -173,8 +181,10 @@ pub struct SwivelPlan {
     pub obstructions: Vec<String>,
     /// Points without any configuration within the limits and off the obstacles.
     pub blocked: Vec<usize>,
-    /// Distance from the obstacles at each point, m; empty without a scene.
+    /// Distance from the obstacles at each point, m, of all links; empty without a scene.
     pub clearance: Vec<f64>,
+    /// Distance of links from each other at each point, m; empty where they are not looked at.
+    pub self_clearance: Vec<f64>,
 }
 
 /// Plans the swivel along a path. When the path has times the joint velocity limits of the settings hold between
@@ -313,6 +323,7 @@ pub(super) fn empty() -> SwivelPlan {
     SwivelPlan {
         status: Status::Converged,
         reason: String::new(),
+        legal: false,
         q: Vec::new(),
         swivel: Vec::new(),
         branch: Vec::new(),
@@ -320,6 +331,7 @@ pub(super) fn empty() -> SwivelPlan {
         obstructions: Vec::new(),
         blocked: Vec::new(),
         clearance: Vec::new(),
+        self_clearance: Vec::new(),
     }
 }
 

@@ -13,7 +13,7 @@
 
 use nalgebra::Vector3;
 
-use super::obstacle::{Capsule, Cuboid, Shape, Sphere};
+use super::obstacle::{Capsule, Cuboid, Sphere};
 use crate::tolerance::SEGMENT_PARALLEL;
 
 /// The nearest or deepest point of a segment.
@@ -32,16 +32,6 @@ pub struct Nearest {
     pub gradient: Vector3<f64>,
 }
 
-/// Signed distance of the segment from `start` to `end` from a shape.
-#[inline]
-pub fn segment_distance(start: &Vector3<f64>, end: &Vector3<f64>, shape: &Shape) -> Nearest {
-    match shape {
-        Shape::Sphere(sphere) => to_sphere(start, end, sphere),
-        Shape::Capsule(capsule) => to_capsule(start, end, capsule),
-        Shape::Box(cuboid) => to_box(start, end, cuboid),
-    }
-}
-
 /// A direction across `along`, any of them.
 fn across(along: &Vector3<f64>) -> Vector3<f64> {
     let mut helper = Vector3::zeros();
@@ -52,7 +42,7 @@ fn across(along: &Vector3<f64>) -> Vector3<f64> {
 }
 
 #[inline(always)]
-fn to_sphere(start: &Vector3<f64>, end: &Vector3<f64>, sphere: &Sphere) -> Nearest {
+pub(super) fn to_sphere(start: &Vector3<f64>, end: &Vector3<f64>, sphere: &Sphere) -> Nearest {
     let d = end - start;
     let square = d.norm_squared();
     let along = (sphere.center - start).dot(&d);
@@ -82,7 +72,7 @@ fn from_center(
 }
 
 #[inline(always)]
-fn to_capsule(start: &Vector3<f64>, end: &Vector3<f64>, capsule: &Capsule) -> Nearest {
+pub(super) fn to_capsule(start: &Vector3<f64>, end: &Vector3<f64>, capsule: &Capsule) -> Nearest {
     let (d1, d2, r) = (end - start, capsule.end - capsule.start, start - capsule.start);
     let (a, e, b) = (d1.norm_squared(), d2.norm_squared(), d1.dot(&d2));
     let (c, f) = (d1.dot(&r), d2.dot(&r));
@@ -124,7 +114,7 @@ fn to_capsule(start: &Vector3<f64>, end: &Vector3<f64>, capsule: &Capsule) -> Ne
 }
 
 #[inline]
-fn to_box(start: &Vector3<f64>, end: &Vector3<f64>, cuboid: &Cuboid) -> Nearest {
+pub(super) fn to_box(start: &Vector3<f64>, end: &Vector3<f64>, cuboid: &Cuboid) -> Nearest {
     let rotation = cuboid.pose.rotation.matrix();
     let a = rotation.tr_mul(&(start - cuboid.pose.translation.vector));
     let d = rotation.tr_mul(&(end - start));

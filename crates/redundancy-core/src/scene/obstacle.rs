@@ -1,12 +1,16 @@
-//! Obstacles: spheres, boxes, capsules, standing or moving in a straight line.
+//! Obstacles: what they are, where they stand or how they move in a straight line, what they are fixed to.
 
 use std::fmt;
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
+use super::core_shape::Core;
+use super::mesh_obstacle::Mesh;
+use super::solid::Solid;
+use crate::chain::axis_onto_z;
 use crate::error::{Error, Result, check_finite};
-use crate::pose::{Pose, check_pose};
-use crate::tolerance::SCENE_SIZE;
+use crate::pose::{Pose, check_pose, pose};
+use crate::tolerance::{DIRECTION_NORM, SCENE_SIZE};
 
 /// A ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,8 +41,28 @@ pub struct Capsule {
     pub radius: f64,
 }
 
-/// The form of an obstacle.
+/// A cylinder with any orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cylinder {
+    /// Its centre and its axes in the world; it is round about z.
+    pub pose: Pose,
+    /// Radius, m.
+    pub radius: f64,
+    /// Half of its length, m.
+    pub half_length: f64,
+}
+
+/// Everything on one side of a plane: a floor, a wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HalfSpace {
+    /// A point of the plane in the world, m.
+    pub point: Vector3<f64>,
+    /// Away from the solid side; its length does not matter.
+    pub normal: Vector3<f64>,
+}
+
+/// The form of an obstacle.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A ball.
     Sphere(Sphere),
@@ -46,15 +70,25 @@ pub enum Shape {
     Box(Cuboid),
     /// A capsule.
     Capsule(Capsule),
+    /// A cylinder.
+    Cylinder(Cylinder),
+    /// A half-space.
+    HalfSpace(HalfSpace),
+    /// Triangles.
+    Mesh(Mesh),
 }
 
-/// A shape in the world, and how it moves.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A shape, its name, how it moves or what it is fixed to.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Obstacle {
-    /// Its form and place at time 0.
+    /// Its form and place at time 0, in the world; in the frame of the link where it is attached to one.
     pub shape: Shape,
     /// Its velocity, m/s; it does not turn.
     pub velocity: Vector3<f64>,
+    /// Its name, if it has one.
+    pub name: Option<String>,
+    /// The link that carries it, if one does.
+    pub attached_to: Option<String>,
 }
 
 impl Shape {
@@ -64,13 +98,17 @@ impl Shape {
             Self::Sphere(_) => "sphere",
             Self::Box(_) => "box",
             Self::Capsule(_) => "capsule",
+            Self::Cylinder(_) => "cylinder",
+            Self::HalfSpace(_) => "half_space",
+            Self::Mesh(_) => "mesh",
         }
     }
 
     /// Checks its numbers.
     ///
     /// # Errors
-    /// Entries that are not finite, a radius or half extent that is negative, a pose that is not rigid.
+    /// Entries that are not finite, a radius, length or half extent that is negative, a pose that is not rigid, a normal
+    /// without length.
     pub fn validate(&self) -> Result<()> {
         // Squares of what is further away or larger would overflow, and a collision read as clear.
         let near = |what: &str, values: &[f64]| {
@@ -109,13 +147,33 @@ impl Shape {
                 near("end", capsule.end.as_slice())?;
                 size("radius", capsule.radius)
             }
+            Self::Cylinder(cylinder) => {
+                check_pose("pose", &cylinder.pose)?;
+                near("position", cylinder.pose.translation.vector.as_slice())?;
+                size("radius", cylinder.radius)?;
+                size("half length", cylinder.half_length)
+            }
+            Self::HalfSpace(half_space) => {
+                near("point", half_space.point.as_slice())?;
+                near("normal", half_space.normal.as_slice())?;
+                let (norm, minimum) = (half_space.normal.norm(), DIRECTION_NORM);
+                if norm < minimum {
+                    return Err(Error::ZeroDirection { what: "normal".into(), norm, minimum });
+                }
+                Ok(())
+            }
+            // Its vertices were checked when it was made.
+            Self::Mesh(mesh) => {
+                check_pose("pose", &mesh.pose)?;
+                near("position", mesh.pose.translation.vector.as_slice())
+            }
         }
     }
 
     /// The same shape elsewhere.
     #[must_use]
     pub fn moved(&self, by: &Vector3<f64>) -> Self {
-        let mut shape = *self;
+        let mut shape = self.clone();
         match &mut shape {
             Self::Sphere(sphere) => sphere.center += by,
             Self::Box(cuboid) => cuboid.pose.translation.vector += by,
@@ -123,19 +181,43 @@ impl Shape {
                 capsule.start += by;
                 capsule.end += by;
             }
+            Self::Cylinder(cylinder) => cylinder.pose.translation.vector += by,
+            Self::HalfSpace(half_space) => half_space.point += by,
+            Self::Mesh(mesh) => mesh.pose.translation.vector += by,
         }
         shape
     }
 
-    /// A ball around it: centre and radius.
-    pub fn bounding_ball(&self) -> (Vector3<f64>, f64) {
+    /// Whether it can be fixed to a link: half-spaces cannot, nor meshes that count triangle by triangle.
+    pub(crate) fn is_convex(&self) -> bool {
         match self {
-            Self::Sphere(sphere) => (sphere.center, sphere.radius),
-            Self::Box(cuboid) => (cuboid.pose.translation.vector, cuboid.half_extents.norm()),
+            Self::HalfSpace(_) => false,
+            Self::Mesh(mesh) => mesh.pieces() > 0,
+            _ => true,
+        }
+    }
+
+    /// What distances are computed with.
+    pub(crate) fn solids(&self) -> Vec<Solid> {
+        let at = |position: Vector3<f64>| Pose::translation(position.x, position.y, position.z);
+        match self {
+            Self::Sphere(sphere) => vec![Solid::convex(Core::Point, &at(sphere.center), sphere.radius)],
+            Self::Box(cuboid) => vec![Solid::convex(Core::Box(cuboid.half_extents), &cuboid.pose, 0.0)],
             Self::Capsule(capsule) => {
-                let middle = 0.5 * (capsule.start + capsule.end);
-                (middle, 0.5 * (capsule.end - capsule.start).norm() + capsule.radius)
+                vec![Solid::capsule(&capsule.start, &capsule.end, capsule.radius)]
             }
+            Self::Cylinder(cylinder) => {
+                let core = Core::Cylinder { radius: cylinder.radius, half: cylinder.half_length };
+                vec![Solid::convex(core, &cylinder.pose, 0.0)]
+            }
+            Self::HalfSpace(half_space) => {
+                let up = axis_onto_z(&(half_space.normal / half_space.normal.norm()));
+                vec![Solid::half_space(&pose(
+                    *Rotation3::from_matrix_unchecked(up).matrix(),
+                    half_space.point,
+                ))]
+            }
+            Self::Mesh(mesh) => mesh.solids(),
         }
     }
 }
@@ -154,15 +236,64 @@ impl Obstacle {
     /// # Errors
     /// As [`Shape::validate`], or a velocity that is not finite.
     pub fn moving(shape: Shape, velocity: Vector3<f64>) -> Result<Self> {
-        shape.validate()?;
-        check_finite("velocity", velocity.as_slice())?;
-        Ok(Self { shape, velocity })
+        let obstacle = Self { shape, velocity, name: None, attached_to: None };
+        obstacle.validate()?;
+        Ok(obstacle)
+    }
+
+    /// With a name.
+    ///
+    /// # Errors
+    /// An empty name.
+    pub fn named(mut self, name: impl Into<String>) -> Result<Self> {
+        self.name = Some(name.into());
+        self.validate()?;
+        Ok(self)
+    }
+
+    /// Fixed to a link: its shape counts in the frame of that link.
+    ///
+    /// # Errors
+    /// A velocity; a half-space or a mesh that counts triangle by triangle.
+    pub fn attached_to(mut self, link: impl Into<String>) -> Result<Self> {
+        self.attached_to = Some(link.into());
+        self.validate()?;
+        Ok(self)
+    }
+
+    /// Checks everything.
+    ///
+    /// # Errors
+    /// As of the functions that make it.
+    pub fn validate(&self) -> Result<()> {
+        self.shape.validate()?;
+        check_finite("velocity", self.velocity.as_slice())?;
+        if self.name.as_deref() == Some("") {
+            return Err(Error::Invalid("name is empty".into()));
+        }
+        let Some(link) = &self.attached_to else { return Ok(()) };
+        if self.velocity != Vector3::zeros() {
+            return Err(Error::Invalid(format!("is attached to '{link}', so it has no velocity of its own")));
+        }
+        if !self.shape.is_convex() {
+            let hint = match self.shape {
+                Shape::Mesh(_) => "a mesh that is not convex; ask for its hull or for convex pieces",
+                _ => "a half-space",
+            };
+            return Err(Error::Invalid(format!("is attached to '{link}' and {hint}")));
+        }
+        Ok(())
+    }
+
+    /// What messages call it: its name, or its number and its type.
+    pub fn label(&self, index: usize) -> String {
+        self.name.clone().unwrap_or_else(|| format!("{index} ({})", self.shape.as_str()))
     }
 
     /// Where it is at time `t`, s.
     #[must_use]
     pub fn at(&self, t: f64) -> Self {
-        Self { shape: self.shape.moved(&(self.velocity * t)), velocity: self.velocity }
+        Self { shape: self.shape.moved(&(self.velocity * t)), ..self.clone() }
     }
 }
 
@@ -181,6 +312,24 @@ impl From<Cuboid> for Shape {
 impl From<Capsule> for Shape {
     fn from(capsule: Capsule) -> Self {
         Self::Capsule(capsule)
+    }
+}
+
+impl From<Cylinder> for Shape {
+    fn from(cylinder: Cylinder) -> Self {
+        Self::Cylinder(cylinder)
+    }
+}
+
+impl From<HalfSpace> for Shape {
+    fn from(half_space: HalfSpace) -> Self {
+        Self::HalfSpace(half_space)
+    }
+}
+
+impl From<Mesh> for Shape {
+    fn from(mesh: Mesh) -> Self {
+        Self::Mesh(mesh)
     }
 }
 

@@ -38,6 +38,7 @@ impl Local {
         if let Some(h) = &criterion {
             criterion::check_dof(&**h, n)?;
         }
+        let criterion = criterion.map(|h| h.for_task(&task).unwrap_or(h));
         let shared = criterion.as_ref().is_some_and(|h| h.chain() == Some(chain));
         Ok(Self {
             chain: chain.clone(),

@@ -27,10 +27,10 @@ use std::f64::consts::{PI, TAU};
 
 use crate::error::{Error, Result, check_finite};
 use crate::path::{Event, EventKind, Path, Trajectory};
-use crate::planning::layers::srs::clearance::{ArmClearance, Now, Rates};
+use crate::planning::layers::srs::clearance::{ArmClearance, Around, Now, Rates};
 use crate::planning::swivel_plan::SwivelPlan;
 use crate::pose::Pose;
-use crate::scene::Scene;
+use crate::scene::{LinkGeometry, Proximity, Scene};
 use crate::solutions::{SelfMotion, SrsArm};
 use crate::status::Status;
 use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, FLOW_TURN, JOINT_JUMP};
@@ -77,8 +77,12 @@ impl FlowForm {
 pub struct SwivelFlowSettings {
     /// Which dynamical system.
     pub form: FlowForm,
-    /// Radius of the links, m.
+    /// Radius of the links, m, where no shapes are given.
     pub link_radius: f64,
+    /// Shapes of the links; `None`: capsules from joint to joint.
+    pub links: Option<LinkGeometry>,
+    /// Links must not touch each other: the pairs of `links`, of capsules those that are found.
+    pub self_collision: bool,
     /// Time constant, s.
     pub tau: f64,
     /// Share of the wish in the paper's form; the obstacle has the rest.
@@ -106,6 +110,8 @@ impl Default for SwivelFlowSettings {
         Self {
             form: FlowForm::Robust,
             link_radius: 0.05,
+            links: None,
+            self_collision: false,
             tau: 0.1,
             lambda: 0.5,
             gain: 0.02,
@@ -223,7 +229,13 @@ impl SwivelFlow {
     /// Invalid settings.
     pub fn new(arm: &SrsArm, scene: &Scene, settings: SwivelFlowSettings) -> Result<Self> {
         settings.validate()?;
-        let near = ArmClearance::new(arm, settings.link_radius)?;
+        let around = Around {
+            links: settings.links.as_ref(),
+            link_radius: settings.link_radius,
+            scene: Some(scene),
+            self_collision: settings.self_collision,
+        };
+        let near = ArmClearance::new(arm, &around)?;
         Ok(Self { arm: arm.clone(), scene: scene.clone(), near, settings })
     }
 
@@ -293,7 +305,7 @@ impl SwivelFlow {
         }
         check_finite("desired", desired)?;
         let (mut s, mut q) = (s0, Vec::with_capacity(times.len()));
-        let (mut swivel, mut clearance) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
+        let (mut swivel, mut moved) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
         let (mut outside, mut rate) = (None, None);
         let mut fastest = (0.0, 0, 0);
         let mut events = Vec::new();
@@ -334,18 +346,27 @@ impl SwivelFlow {
             }
             q.push(row);
             swivel.push(s);
-            clearance.push(step.distance);
+            moved.push(step.distance);
             if k % 256 == 0 && !progress(k as f64 / times.len() as f64) {
                 status = Status::Cancelled;
                 break;
             }
         }
         let rows = q.len();
-        let reason = self.verdict(&clearance, outside, fastest, &times);
+        let mut reason = self.verdict(&moved, outside, fastest, &times);
         if status == Status::Converged && !reason.is_empty() {
-            let touches = clearance.iter().any(|d| *d < 0.0);
+            let touches = moved.iter().any(|d| *d < 0.0);
             status = if outside.is_some() && !touches { Status::Limits } else { Status::Infeasible };
         }
+        if let Some(contact) = self.forced_contact(&q, &times) {
+            if status == Status::Converged {
+                status = Status::Collision;
+            }
+            reason = if reason.is_empty() { contact } else { format!("{reason}; {contact}") };
+        }
+        let near: Vec<[f64; 2]> = q.iter().zip(&times).map(|(q, t)| self.near.row(q, *t)).collect();
+        let [scene, own] = self.near.looks_at();
+        let column = |i: usize, looked: bool| near.iter().filter(|_| looked).map(|near| near[i]).collect();
         let names = self.arm.chain().joints().iter().map(|j| j.name.clone()).collect();
         let trajectory =
             Trajectory::new(names, times[..rows].to_vec(), q.as_flattened().to_vec(), None, events)?;
@@ -358,7 +379,9 @@ impl SwivelFlow {
             reconfigurations: Vec::new(),
             obstructions: Vec::new(),
             blocked: Vec::new(),
-            clearance: if self.scene.obstacles().is_empty() { Vec::new() } else { clearance },
+            legal: status == Status::Converged,
+            clearance: column(0, scene),
+            self_clearance: column(1, own),
         };
         Ok((plan, trajectory))
     }
@@ -391,6 +414,22 @@ impl SwivelFlow {
             });
         }
         Ok((0..=steps as usize).map(|k| (first + k as f64 * dt).min(last)).collect())
+    }
+
+    /// The first contact that the path forces: no swivel changes it.
+    fn forced_contact(&self, q: &[[f64; 7]], times: &[f64]) -> Option<String> {
+        if self.near.held.is_empty() {
+            return None;
+        }
+        let touching = |(q, t): (&[f64; 7], &f64)| {
+            self.near.nearest(q, *t)[1].filter(|near| near.gap.distance < 0.0).map(|near| (*t, near))
+        };
+        let (t, near) = q.iter().zip(times).find_map(touching)?;
+        let (link, other) = (self.near.held.name(near.first), self.near.held.name(near.second));
+        let depth = -1e3 * near.gap.distance;
+        Some(format!(
+            "the path itself brings link '{link}' {depth:.3} mm deep into '{other}' at t = {t:.3} s; no swivel changes that"
+        ))
     }
 
     /// The largest joint speed from one row to the next as a share of its limit, and the joint.
@@ -475,7 +514,7 @@ impl<'a> At<'a> {
         before: Option<([f64; 7], f64)>,
         rate: Option<f64>,
     ) -> Self {
-        Self { flow, motion, now: flow.near.now(pose, &flow.scene, t), before, rate }
+        Self { flow, motion, now: flow.near.now(pose, t), before, rate }
     }
 
     fn rates(&self, s: f64) -> Rates {

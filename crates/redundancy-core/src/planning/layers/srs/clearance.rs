@@ -1,40 +1,112 @@
-//! How far an S-R-S arm is from obstacles as a function of its swivel.
+//! How far an S-R-S arm is from obstacles, and from itself, as a function of its swivel.
 //!
-//! Over one pose only the elbow moves: on its circle, the same for all branches of an arm without elbow offset. Where the
-//! joints' frames lie on the lines shoulder - elbow - wrist (they do on arms as they are built) the moving links are two
-//! segments, and everything else is fixed by the pose. Obstacles that both segments stay clear of for every swivel are
-//! dropped once per pose. Arms with frames elsewhere take the kinematics of each configuration.
+//! Clearance counts per link. What the swivel cannot move (see [`split_by_freedom`]) neither hides nor shifts the rest: it is
+//! kept apart, as `held`, and only reported. Of the rest each link has its own nearest pair; contact of any is forbidden, and
+//! what each misses of the wanted clearance is added up.
+//!
+//! Over one pose only the elbow moves: on its circle, the same for all branches of an arm without elbow offset. Where links
+//! are capsules from joint to joint and the joints' frames lie on the lines shoulder - elbow - wrist (they do on arms as
+//! they are built) the moving links are two segments. Obstacles that both segments stay clear of for every swivel are
+//! dropped once per pose. Other bodies take the kinematics of each configuration.
+
+use std::cell::RefCell;
 
 use nalgebra::Vector3;
 
 use crate::error::Result;
-use crate::kinematics::Scratch;
+use crate::kinematics::{Scratch, Task};
 use crate::pose::Pose;
-use crate::scene::{LinkGeometry, Scene, Shape, Sphere, segment_distance};
+use crate::scene::{
+    Contact, LinkGeometry, Nearby, Proximity, Scene, SegmentObstacles, Sphere, Surroundings, SweepMemory,
+    Thing, Visitor, segment_distance, split_by_freedom, sweep, with_memory,
+};
 use crate::solutions::{SelfMotion, SrsArm};
 use crate::tolerance::ON_LINE;
 
-/// The links of an arm beside a scene.
+/// What an arm keeps a distance from.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::planning) struct Around<'a> {
+    /// `None`: capsules of `link_radius` from joint to joint.
+    pub links: Option<&'a LinkGeometry>,
+    pub link_radius: f64,
+    pub scene: Option<&'a Scene>,
+    pub self_collision: bool,
+}
+
+impl Around<'_> {
+    fn geometry(&self, arm: &SrsArm) -> Result<LinkGeometry> {
+        let geometry = match self.links {
+            Some(links) => links.clone(),
+            None => LinkGeometry::joint_to_joint(arm.chain(), self.link_radius)?,
+        };
+        // Pairs of capsules are looked for only where they are asked for.
+        if self.self_collision && self.links.is_none() {
+            return geometry.with_capsule_pairs(arm.chain());
+        }
+        Ok(geometry)
+    }
+
+    fn is_plain(&self) -> bool {
+        let fixed = |scene: &Scene| {
+            scene.allowed().is_empty() && scene.obstacles().iter().all(|o| o.attached_to.is_none())
+        };
+        self.links.is_none() && !self.self_collision && self.scene.is_some_and(fixed)
+    }
+}
+
+/// The links of an arm beside what they must not touch.
 #[derive(Debug, Clone)]
 pub(in crate::planning) struct ArmClearance {
     arm: SrsArm,
-    pub geometry: LinkGeometry,
-    radius: f64,
-    lengths: [f64; 2],
-    /// Joint 1 in the world and joint 7 in the tool frame, where the two moving links are plain segments.
-    plain: Option<[Vector3<f64>; 2]>,
+    /// Pairs that the swivel changes, and those that the pose holds.
+    pub moved: Surroundings,
+    pub held: Surroundings,
+    /// What a point of the arm moves at most per joint, of those that count.
+    reach: Vec<f64>,
+    /// Speed of the fastest obstacle, m/s.
+    fastest: f64,
+    plain: Option<Plain>,
 }
 
-/// The same over one pose at one time.
+/// Two segments for the moving links.
+#[derive(Debug, Clone)]
+struct Plain {
+    obstacles: SegmentObstacles,
+    radius: f64,
+    lengths: [f64; 2],
+}
+
+/// An arm over one pose at one time.
 #[derive(Debug, Clone)]
 pub(in crate::planning) struct OverPose {
     shoulder: Vector3<f64>,
     wrist: Vector3<f64>,
     /// Obstacles that the upper arm may come near to, and those of the forearm.
-    upper: Vec<Shape>,
-    fore: Vec<Shape>,
-    /// Distance of what the swivel does not move.
-    fixed: f64,
+    upper: Vec<u32>,
+    fore: Vec<u32>,
+    beyond: f64,
+    t: f64,
+}
+
+/// How near the links are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::planning) struct Near {
+    /// The least of their distances, m.
+    pub least: f64,
+    /// Squares of the shares that they miss of the wanted clearance, added up.
+    pub missing: f64,
+}
+
+impl Near {
+    /// Nothing is near.
+    pub const FAR: Self = Self { least: f64::INFINITY, missing: 0.0 };
+
+    fn of(distances: impl IntoIterator<Item = f64>, wanted: f64) -> Self {
+        distances.into_iter().fold(Self::FAR, |near, distance| {
+            let missing = if distance < wanted { 1.0 - distance / wanted } else { 0.0 };
+            Self { least: near.least.min(distance), missing: near.missing + missing * missing }
+        })
+    }
 }
 
 /// A distance and how it changes.
@@ -47,211 +119,288 @@ pub(in crate::planning) struct Rates {
     pub by_time: f64,
 }
 
+impl Rates {
+    const FAR: Self = Self { distance: f64::INFINITY, by_swivel: 0.0, by_time: 0.0 };
+}
+
 /// An arm over one pose at one time, for distances with their rates.
 pub(in crate::planning) struct Now<'a> {
     near: &'a ArmClearance,
-    scene: &'a Scene,
     t: f64,
     shoulder: Vector3<f64>,
     wrist: Vector3<f64>,
-    /// What the swivel does not move.
-    fixed: Rates,
+}
+
+/// Most links whose clearances are kept apart; those beyond share the last place.
+const MOST_LINKS: usize = 64;
+
+/// The nearest of each link of a scan.
+struct ByLink {
+    wanted: f64,
+    beyond: f64,
+    links: usize,
+    distance: [f64; MOST_LINKS],
+}
+
+impl ByLink {
+    /// The link that a pair belongs to.
+    fn place(&self, first: Thing, second: Thing) -> usize {
+        let link = match (first, second) {
+            (Thing::Link(link), _) | (_, Thing::Link(link)) => link,
+            // What a link carries beside an obstacle.
+            _ => self.links,
+        };
+        link.min(MOST_LINKS - 1)
+    }
+}
+
+impl Visitor for ByLink {
+    fn limit(&self, first: Thing, second: Thing) -> f64 {
+        self.distance[self.place(first, second)]
+    }
+
+    fn found(&mut self, contact: &Contact<'_>) -> bool {
+        let place = self.place(contact.first, contact.second);
+        self.distance[place] = contact.gap.distance;
+        true
+    }
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Option<Scratch>> = const { RefCell::new(None) };
+}
+
+/// Calls `work` with kinematic memory that this thread keeps.
+fn with_scratch<T>(arm: &SrsArm, work: impl FnOnce(&mut Scratch) -> T) -> T {
+    SCRATCH.with(|scratch| match scratch.try_borrow_mut() {
+        Ok(mut scratch) => work(scratch.get_or_insert_with(|| Scratch::new(arm.chain()))),
+        Err(_) => work(&mut Scratch::new(arm.chain())),
+    })
 }
 
 impl Now<'_> {
-    /// Distance, its derivatives by the swivel and by the time (obstacles move, the arm stands).
+    /// Distance of the nearest moving link, its derivatives by the swivel and by the time (obstacles move, the arm stands).
     pub fn rates(&self, motion: &SelfMotion, u: [f64; 2], branch: usize) -> Rates {
-        if self.near.plain.is_none() {
-            return self.near.rates_by_kinematics(motion, self.scene, self.t, u, branch);
-        }
+        let Some(plain) = &self.near.plain else {
+            return self.near.rates_by_kinematics(motion, self.t, u, branch);
+        };
         let (elbow, rate) = (motion.elbow(u), motion.elbow_rate(u));
+        let mut least = Rates::FAR;
         // The elbow is the end of the two links that move.
-        self.least(self.fixed, &[(self.shoulder, elbow, 1.0), (self.wrist, elbow, 1.0)], &rate)
-    }
-
-    /// The least of `least` and the distances of links (start, end, how much of `rate` the end moves).
-    #[inline(always)]
-    fn least(
-        &self,
-        mut least: Rates,
-        links: &[(Vector3<f64>, Vector3<f64>, f64)],
-        rate: &Vector3<f64>,
-    ) -> Rates {
-        let radius = self.near.radius;
-        for (obstacle, ball) in self.scene.obstacles().iter().zip(self.scene.balls()) {
-            let moves = obstacle.velocity != Vector3::zeros();
-            let by = if moves { obstacle.velocity * self.t } else { Vector3::zeros() };
-            let moved;
-            let shape = if moves {
-                moved = obstacle.shape.moved(&by);
-                &moved
-            } else {
-                &obstacle.shape
+        for start in [self.shoulder, self.wrist] {
+            let reach = least.distance + plain.radius;
+            let Some((near, velocity)) = plain.obstacles.nearest(&start, &elbow, self.t, reach) else {
+                continue;
             };
-            let center = ball.0 + by;
-            for (start, end, share) in links {
-                let half = 0.5 * (end - start).norm();
-                let far = least.distance + radius + half + ball.1;
-                if half == 0.0 || (0.5 * (start + end) - center).norm_squared() > far * far && far > 0.0 {
-                    continue;
-                }
-                let near = segment_distance(start, end, shape);
-                let distance = near.distance - radius;
-                if distance < least.distance {
-                    least = Rates {
-                        distance,
-                        by_swivel: near.gradient.dot(rate) * near.share * share,
-                        by_time: -near.gradient.dot(&obstacle.velocity),
-                    };
-                }
-            }
+            least = Rates {
+                distance: near.distance - plain.radius,
+                by_swivel: near.gradient.dot(&rate) * near.share,
+                by_time: -near.gradient.dot(&velocity),
+            };
         }
         least
     }
 }
 
 impl ArmClearance {
-    pub fn new(arm: &SrsArm, radius: f64) -> Result<Self> {
-        let geometry = LinkGeometry::joint_to_joint(arm.chain(), radius)?;
-        let plain = plain(arm)?;
-        Ok(Self { arm: arm.clone(), geometry, radius, lengths: arm.lengths(), plain })
+    pub fn new(arm: &SrsArm, around: &Around<'_>) -> Result<Self> {
+        let geometry = around.geometry(arm)?;
+        let all = Surroundings::new(arm.chain(), &geometry, around.scene, around.self_collision)?;
+        let (moved, held) = split_by_freedom(&all, &Task::POSE);
+        let plain = match around.scene.filter(|_| around.is_plain()) {
+            Some(scene) if is_plain(arm)? => Some(Plain {
+                obstacles: SegmentObstacles::new(scene),
+                radius: around.link_radius,
+                lengths: arm.lengths(),
+            }),
+            _ => None,
+        };
+        let obstacles = around.scene.map(Scene::obstacles).unwrap_or_default();
+        let fastest = obstacles.iter().map(|o| o.velocity.norm()).fold(0.0, f64::max);
+        let reach = moved.reach();
+        Ok(Self { arm: arm.clone(), moved, held, reach, fastest, plain })
+    }
+
+    /// True where nothing is to be kept away from.
+    pub fn is_empty(&self) -> bool {
+        self.moved.is_empty() && self.held.is_empty()
     }
 
     /// Prepares a pose; distances beyond `beyond` need not be told apart. `None` where the two links are not plain.
-    pub fn over(&self, pose: &Pose, scene: &Scene, beyond: f64) -> Option<OverPose> {
-        let [first, last] = self.plain?;
+    pub fn over(&self, pose: &Pose, t: f64, beyond: f64) -> Option<OverPose> {
+        let plain = self.plain.as_ref()?;
         let shoulder = self.arm.shoulder();
-        let at = |local: &Vector3<f64>| pose.rotation * local + pose.translation.vector;
-        let wrist = at(&self.arm.wrist_in_tool());
-        let (last, tip) = (at(&last), pose.translation.vector);
-        let mut over = OverPose { shoulder, wrist, upper: Vec::new(), fore: Vec::new(), fixed: beyond };
-        for (shape, (center, ball)) in scene.shapes_and_balls() {
-            let near = |from: &Vector3<f64>, length: f64| {
-                (center - from).norm() <= length + ball + self.radius + beyond
-            };
-            for (start, end) in [(first, shoulder), (wrist, last), (last, tip)] {
-                let length = (end - start).norm();
-                if length > 0.0 && near(&start, length) {
-                    over.fixed = over.fixed.min(segment_distance(&start, &end, shape).distance - self.radius);
-                }
+        let wrist = pose.rotation * self.arm.wrist_in_tool() + pose.translation.vector;
+        let [upper, fore] = [(shoulder, plain.lengths[0]), (wrist, plain.lengths[1])]
+            .map(|(from, length)| plain.obstacles.within(&from, length + plain.radius + beyond, t));
+        Some(OverPose { shoulder, wrist, upper, fore, beyond, t })
+    }
+
+    /// Over a prepared pose with the elbow at a point of the world.
+    #[inline]
+    fn at_elbow(&self, plain: &Plain, over: &OverPose, elbow: &Vector3<f64>, wanted: f64) -> Near {
+        let links = [(&over.shoulder, &over.upper), (&over.wrist, &over.fore)];
+        let distances = links.map(|(from, list)| {
+            let far = over.beyond + plain.radius;
+            plain.obstacles.least(from, elbow, over.t, list, far) - plain.radius
+        });
+        Near::of(distances, wanted)
+    }
+
+    /// Prepares a pose at time `t` for [`Now::rates`].
+    pub fn now<'a>(&'a self, pose: &Pose, t: f64) -> Now<'a> {
+        let wrist = pose.rotation * self.arm.wrist_in_tool() + pose.translation.vector;
+        Now { near: self, t, shoulder: self.arm.shoulder(), wrist }
+    }
+
+    fn rates_by_kinematics(&self, motion: &SelfMotion, t: f64, u: [f64; 2], branch: usize) -> Rates {
+        struct Nearest<'a, 'k> {
+            kinematics: &'a crate::kinematics::Kinematics<'k>,
+            rates: &'a [f64; 7],
+            least: Rates,
+        }
+        impl Visitor for Nearest<'_, '_> {
+            fn limit(&self, _: Thing, _: Thing) -> f64 {
+                self.least.distance
             }
-            if near(&shoulder, self.lengths[0]) {
-                over.upper.push(*shape);
-            }
-            if near(&wrist, self.lengths[1]) {
-                over.fore.push(*shape);
+
+            fn found(&mut self, contact: &Contact<'_>) -> bool {
+                let mut gradient = [0.0; 7];
+                contact.add_gradient(self.kinematics, 1.0, &mut gradient);
+                self.least = Rates {
+                    distance: contact.gap.distance,
+                    by_swivel: gradient.iter().zip(self.rates).map(|(g, r)| g * r).sum(),
+                    by_time: contact.by_time(),
+                };
+                true
             }
         }
-        Some(over)
-    }
-
-    /// Distance over a prepared pose with the elbow at a point of the world.
-    #[inline]
-    pub fn at_elbow(&self, over: &OverPose, elbow: &Vector3<f64>) -> f64 {
-        let links = [(&over.shoulder, &over.upper), (&over.wrist, &over.fore)];
-        let each = links.into_iter().flat_map(|(from, shapes)| {
-            shapes.iter().map(|shape| segment_distance(from, elbow, shape).distance)
-        });
-        each.fold(over.fixed + self.radius, f64::min) - self.radius
-    }
-
-    /// Prepares a pose at time `t` for [`Now::rates`], without allocation where the two links are plain.
-    pub fn now<'a>(&'a self, pose: &Pose, scene: &'a Scene, t: f64) -> Now<'a> {
-        let mut now = Now {
-            near: self,
-            scene,
-            t,
-            shoulder: self.arm.shoulder(),
-            wrist: pose.rotation * self.arm.wrist_in_tool() + pose.translation.vector,
-            fixed: Rates { distance: f64::INFINITY, by_swivel: 0.0, by_time: 0.0 },
-        };
-        let Some([first, last]) = self.plain else { return now };
-        let last = pose.rotation * last + pose.translation.vector;
-        let fixed = [(first, now.shoulder), (now.wrist, last), (last, pose.translation.vector)]
-            .map(|(a, b)| (a, b, 0.0));
-        now.fixed = now.least(now.fixed, &fixed, &Vector3::zeros());
-        now
-    }
-
-    fn rates_by_kinematics(
-        &self,
-        motion: &SelfMotion,
-        scene: &Scene,
-        t: f64,
-        u: [f64; 2],
-        branch: usize,
-    ) -> Rates {
         let (q, rates) = motion.branch_with_rates(u, branch);
-        let mut scratch = Scratch::new(self.arm.chain());
-        let kinematics = self.arm.chain().kinematics_unchecked(&q, &mut scratch);
-        let scene = scene.at(t);
-        let mut least = Rates { distance: f64::INFINITY, by_swivel: 0.0, by_time: 0.0 };
-        scene.each_pair(&self.geometry, &kinematics, 0.0, |capsule, obstacle, near| {
-            let capsule = &self.geometry.capsules()[capsule];
-            let distance = near.distance - capsule.radius;
-            if distance < least.distance {
-                let mut gradient = [0.0; 7];
-                capsule.add_gradient(&kinematics, near, 1.0, &mut gradient);
-                least = Rates {
-                    distance,
-                    by_swivel: gradient.iter().zip(&rates).map(|(g, r)| g * r).sum(),
-                    by_time: -near.gradient.dot(&scene.obstacles()[obstacle].velocity),
-                };
+        with_scratch(&self.arm, |scratch| {
+            let kinematics = self.arm.chain().kinematics_unchecked(&q, scratch);
+            let mut nearest = Nearest { kinematics: &kinematics, rates: &rates, least: Rates::FAR };
+            with_memory(|memory| self.moved.scan(&kinematics, t, memory, &mut nearest));
+            nearest.least
+        })
+    }
+
+    /// Distances at a configuration, by its kinematics; beyond `beyond` they are not told apart.
+    fn at_q(&self, q: &[f64], t: f64, wanted: f64, beyond: f64) -> Near {
+        with_scratch(&self.arm, |scratch| {
+            let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
+            let links = self.moved.links();
+            let mut by_link = ByLink { wanted, beyond, links, distance: [beyond; MOST_LINKS] };
+            with_memory(|memory| self.moved.scan(&kinematics, t, memory, &mut by_link));
+            let mut near = Near::of(by_link.distance, by_link.wanted);
+            near.least = near.least.min(by_link.beyond);
+            near
+        })
+    }
+
+    /// The nearest pair at a configuration: of what the swivel moves, and of what the pose holds.
+    pub fn nearest(&self, q: &[f64], t: f64) -> [Option<Nearby>; 2] {
+        with_scratch(&self.arm, |scratch| {
+            let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
+            let of = |part: &Surroundings| {
+                with_memory(|memory| part.nearest(&kinematics, t, f64::INFINITY, memory))
+            };
+            [of(&self.moved), of(&self.held)]
+        })
+    }
+
+    /// Whether obstacles, and links against each other, are looked at.
+    pub fn looks_at(&self) -> [bool; 2] {
+        let own = |pair: &(Thing, Thing)| matches!(pair, (Thing::Link(_), Thing::Link(_)));
+        let pairs: Vec<(Thing, Thing)> = self.moved.pairs().into_iter().chain(self.held.pairs()).collect();
+        [pairs.iter().any(|pair| !own(pair)), pairs.iter().any(own)]
+    }
+
+    /// Distances at a configuration from the obstacles, and of links from each other.
+    pub fn row(&self, q: &[f64], t: f64) -> [f64; 2] {
+        struct Two([f64; 2]);
+        impl Two {
+            fn place(first: Thing, second: Thing) -> usize {
+                usize::from(matches!((first, second), (Thing::Link(_), Thing::Link(_))))
             }
-        });
-        least
+        }
+        impl Visitor for Two {
+            fn limit(&self, first: Thing, second: Thing) -> f64 {
+                self.0[Self::place(first, second)]
+            }
+            fn found(&mut self, contact: &Contact<'_>) -> bool {
+                self.0[Self::place(contact.first, contact.second)] = contact.gap.distance;
+                true
+            }
+        }
+        with_scratch(&self.arm, |scratch| {
+            let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
+            let mut two = Two([f64::INFINITY; 2]);
+            for part in [&self.moved, &self.held] {
+                with_memory(|memory| part.scan(&kinematics, t, memory, &mut two));
+            }
+            two.0
+        })
     }
 
-    /// Distance at a configuration, by its kinematics.
-    pub fn at_q(&self, q: &[f64], scene: &Scene, scratch: &mut Scratch) -> f64 {
-        let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
-        scene.clearance_at(&self.geometry, &kinematics).map_or(f64::INFINITY, |pair| pair.distance)
-    }
-
-    /// Distance at the swivel `s` of the branch whose configuration is `q`.
+    /// At the swivel `s` of the branch whose configuration is `q`.
     pub fn of_one(
         &self,
         motion: &SelfMotion,
         over: Option<&OverPose>,
-        scene: &Scene,
-        s: f64,
-        q: &[f64; 7],
-        scratch: &mut Scratch,
-    ) -> f64 {
-        match over {
-            Some(over) => {
+        (s, q): (f64, &[f64; 7]),
+        t: f64,
+        (wanted, beyond): (f64, f64),
+    ) -> Near {
+        match over.zip(self.plain.as_ref()) {
+            Some((over, plain)) => {
                 let (sin, cos) = s.sin_cos();
-                self.at_elbow(over, &motion.elbow([cos, sin]))
+                self.at_elbow(plain, over, &motion.elbow([cos, sin]), wanted)
             }
-            None => self.at_q(q, scene, scratch),
+            None => self.at_q(q, t, wanted, beyond),
         }
     }
 
-    /// Distances at the swivel `s` of all branches, in branch order.
+    /// At the swivel `s` of the branches in `mask`, in branch order.
     pub fn of_branches(
         &self,
         motion: &SelfMotion,
         over: Option<&OverPose>,
-        scene: &Scene,
-        s: f64,
-        q: &[[f64; 7]; 8],
-        scratch: &mut Scratch,
-    ) -> [f64; 8] {
-        match over {
-            Some(over) => {
-                let (sin, cos) = s.sin_cos();
-                [self.at_elbow(over, &motion.elbow([cos, sin])); 8]
-            }
-            None => std::array::from_fn(|b| self.at_q(&q[b], scene, scratch)),
+        (s, q, mask): (f64, &[[f64; 7]; 8], u8),
+        t: f64,
+        (wanted, beyond): (f64, f64),
+    ) -> [Near; 8] {
+        if over.is_some() {
+            return [self.of_one(motion, over, (s, &q[0]), t, (wanted, beyond)); 8];
         }
+        std::array::from_fn(|b| {
+            if mask & (1 << b) == 0 { Near::FAR } else { self.at_q(&q[b], t, wanted, beyond) }
+        })
+    }
+
+    /// Whether everything that the swivel moves stays clear while the joints go straight, with known distances at both ends.
+    pub fn edge_is_clear(
+        &self,
+        [a, b]: [&[f64; 7]; 2],
+        [start, end]: [f64; 2],
+        near: [f64; 2],
+        memory: &mut Option<SweepMemory>,
+    ) -> bool {
+        if near[0] <= 0.0 || near[1] <= 0.0 {
+            return false;
+        }
+        let turned: f64 = self.reach.iter().enumerate().map(|(i, reach)| reach * (b[i] - a[i]).abs()).sum();
+        if near[0] + near[1] > turned + self.fastest * (end - start).abs() {
+            return true;
+        }
+        let memory = memory.get_or_insert_with(|| SweepMemory::new(self.arm.chain()));
+        sweep(&self.moved, [a, b], [start, end], 0.0, memory).is_none()
     }
 }
 
-/// Joint 1 in the world and joint 7 in the tool frame, when the joints in between lie on shoulder, elbow and wrist.
-fn plain(arm: &SrsArm) -> Result<Option<[Vector3<f64>; 2]>> {
+/// Whether the joints between lie on shoulder, elbow and wrist.
+fn is_plain(arm: &SrsArm) -> Result<bool> {
     let chain = arm.chain();
     let mut scratch = Scratch::new(chain);
-    let mut found = None;
     for round in 1..4 {
         let q: [f64; 7] =
             std::array::from_fn(|i| 0.3 * (1.0 + i as f64 * 0.7 * f64::from(round)).sin() + 0.4);
@@ -272,12 +421,9 @@ fn plain(arm: &SrsArm) -> Result<Option<[Vector3<f64>; 2]>> {
             && same(&o[3], &elbow)
             && on(&o[4], &elbow, &wrist)
             && same(&o[5], &wrist);
-        let ends = [o[0], pose.rotation.inverse() * (o[6] - pose.translation.vector)];
-        if !fits || found.is_some_and(|[a, b]: [Vector3<f64>; 2]| !same(&a, &ends[0]) || !same(&b, &ends[1]))
-        {
-            return Ok(None);
+        if !fits {
+            return Ok(false);
         }
-        found = Some(ends);
     }
-    Ok(found)
+    Ok(true)
 }

@@ -3,4 +3,5 @@
 pub(in crate::planning) mod clearance;
 pub(in crate::planning) mod problem;
 mod refine;
+mod report;
 pub(in crate::planning) mod search;

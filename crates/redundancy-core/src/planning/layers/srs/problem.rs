@@ -6,15 +6,14 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::clearance::{ArmClearance, OverPose};
+use super::clearance::{ArmClearance, Around, Near, OverPose};
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
 use crate::kinematics::{Scratch, Task};
 use crate::path::Path;
-use crate::planning::swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, empty};
-use crate::scene::Scene;
+use crate::planning::swivel_plan::{SwivelChoice, SwivelPlanSettings};
+use crate::scene::SweepMemory;
 use crate::solutions::{SelfMotion, SrsArm};
-use crate::status::Status;
 use crate::tolerance::JOINT_JUMP;
 
 /// Configurations from which the largest manipulability of an arm is estimated: within some percent.
@@ -26,8 +25,6 @@ const CLEARANCE_STEEP: f64 = 100.0;
 const LIMIT_CAP: f64 = 1e3;
 /// Distance (m) from obstacles beyond which distances need not be told apart, at least.
 const CLEARANCE_BEYOND: f64 = 0.05;
-/// Halvings of a step between points until it is known whether it touches an obstacle; what is still open then touches.
-const EDGE_HALVINGS: usize = 12;
 /// Most windings of all joints together. Beyond, the later joints count as free, and the line is checked at its end.
 const MAX_WINDINGS: usize = 243;
 
@@ -130,53 +127,37 @@ pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &
     })
 }
 
-/// The obstacles along the path.
+/// What the arm keeps a distance from along the path.
 pub(in crate::planning) struct Obstacles {
     pub arm: ArmClearance,
-    /// The scene at time 0, and the times of the points where something moves.
-    base: Scene,
-    times: Option<Vec<f64>>,
-    /// The scene at each point; one for all where nothing moves.
-    scenes: Vec<Scene>,
+    /// The times of the points; 0 where the path has none.
+    pub times: Vec<f64>,
     over: Vec<Option<OverPose>>,
-    /// Speed of the fastest obstacle times the time between points, m.
-    moved: Vec<f64>,
-    /// How far the arm reaches beyond each joint: what a point of it moves per rad, m.
-    reach: [f64; 7],
+    /// The wanted clearance, and the distance beyond which others are not told apart, m.
+    reach: (f64, f64),
 }
 
 impl Obstacles {
-    fn new(arm: &SrsArm, path: &Path, scene: &Scene, settings: &SwivelPlanSettings) -> Result<Self> {
-        let near = ArmClearance::new(arm, settings.link_radius)?;
-        let times = path.t().filter(|_| scene.moves()).map(<[f64]>::to_vec);
-        let scenes: Vec<Scene> = match &times {
-            Some(t) => t.iter().map(|t| scene.at(*t)).collect(),
-            None => vec![scene.clone()],
+    /// `None` where there is nothing to keep a distance from.
+    fn new(arm: &SrsArm, path: &Path, settings: &SwivelPlanSettings) -> Result<Option<Self>> {
+        let around = Around {
+            links: settings.links.as_ref(),
+            link_radius: settings.link_radius,
+            scene: settings.scene.as_ref().filter(|scene| !scene.obstacles().is_empty()),
+            self_collision: settings.self_collision,
         };
-        let fastest = scene.obstacles().iter().map(|o| o.velocity.norm()).fold(0.0, f64::max);
-        let moved = match &times {
-            Some(t) => t.windows(2).map(|w| fastest * (w[1] - w[0])).collect(),
-            None => vec![0.0; path.len().saturating_sub(1)],
-        };
+        if around.scene.is_none() && !around.self_collision {
+            return Ok(None);
+        }
+        let near = ArmClearance::new(arm, &around)?;
+        if near.is_empty() {
+            return Ok(None);
+        }
+        let times = path.t().map_or_else(|| vec![0.0; path.len()], <[f64]>::to_vec);
         let beyond = settings.wanted_clearance.max(CLEARANCE_BEYOND);
-        let over = path
-            .poses()
-            .par_iter()
-            .enumerate()
-            .map(|(k, pose)| near.over(pose, &scenes[k.min(scenes.len() - 1)], beyond))
-            .collect();
-        let reach = reach(arm);
-        Ok(Self { arm: near, base: scene.clone(), times, scenes, over, moved, reach })
-    }
-
-    fn scene(&self, k: usize) -> &Scene {
-        &self.scenes[k.min(self.scenes.len() - 1)]
-    }
-
-    /// How far any point of the arm moves at most against any obstacle between point `k` and the next.
-    fn travel(&self, k: usize, [a, b]: [&[f64; 7]; 2]) -> f64 {
-        let turned: f64 = (0..7).map(|i| self.reach[i] * (b[i] - a[i]).abs()).sum();
-        turned + self.moved[k]
+        let poses = path.poses().par_iter().zip(&times);
+        let over = poses.map(|(pose, t)| near.over(pose, *t, beyond)).collect();
+        Ok(Some(Self { arm: near, times, over, reach: (settings.wanted_clearance, beyond) }))
     }
 }
 
@@ -209,25 +190,9 @@ pub(in crate::planning) struct Problem<'a> {
     /// Where the manipulability counts: its measure, and the largest value seen.
     dexterity: Option<(Manipulability, f64)>,
     /// Numbers of the points on the path.
-    points: Vec<usize>,
+    pub points: Vec<usize>,
     /// Dearer than any path: the fewest reconfigurations come first.
     pub reconfiguration: f64,
-}
-
-/// How far the arm reaches beyond each joint at most, m.
-fn reach(arm: &SrsArm) -> [f64; 7] {
-    let mut scratch = Scratch::new(arm.chain());
-    let kinematics = arm.chain().kinematics_unchecked(&[0.0; 7], &mut scratch);
-    let origins = kinematics.origins();
-    let mut reach = [0.0; 7];
-    let mut beyond = 0.0;
-    for i in (0..7).rev() {
-        // The origins of neighbouring joints keep their distance.
-        let next = origins.get(i + 1).unwrap_or(&kinematics.pose().translation.vector);
-        beyond += (next - origins[i]).norm();
-        reach[i] = beyond;
-    }
-    reach
 }
 
 /// More than any path without reconfigurations costs.
@@ -266,10 +231,7 @@ impl<'a> Problem<'a> {
     ) -> Result<Self> {
         let n = circles.len();
         let t = path.t();
-        let obstacles = match settings.scene.as_ref().filter(|scene| !scene.obstacles().is_empty()) {
-            None => None,
-            Some(scene) => Some(Obstacles::new(arm, path, scene, settings)?),
-        };
+        let obstacles = Obstacles::new(arm, path, settings)?;
         let dexterity = (settings.manipulability_weight > 0.0).then(|| {
             let measure = Manipulability::with_measure(arm.chain(), Task::POSE, Measure::Sqrt);
             let best = best_manipulability(arm, &measure);
@@ -315,20 +277,8 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The plan that says so, when points have no configuration within the limits.
-    pub fn blocked(&self) -> Option<SwivelPlan> {
-        let blocked: Vec<usize> = self.where_all(|k| self.circles[k].status() != Status::Converged);
-        let k = *blocked.first()?;
-        let (count, n, motion) = (blocked.len(), self.circles.len(), &self.circles[k]);
-        let verb = if count == 1 { "has" } else { "have" };
-        let reason = motion.reason();
-        let reason =
-            format!("{count} of {n} points {verb} no configuration; the first is point {k}: {reason}");
-        Some(SwivelPlan { status: motion.status(), reason, blocked, ..empty() })
-    }
-
     /// The points for which something holds, ascending.
-    fn where_all(&self, holds: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
+    pub fn where_all(&self, holds: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
         (0..self.circles.len()).into_par_iter().filter(|k| holds(*k)).collect()
     }
 
@@ -342,7 +292,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Swivels of the grid at point `k`.
-    fn grid(&self, k: usize) -> Vec<f64> {
+    pub fn grid(&self, k: usize) -> Vec<f64> {
         let m = self.settings.swivels;
         match self.fixed(k) {
             Some(s) => vec![s],
@@ -350,19 +300,21 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Distance from the obstacles at point `k` of every branch at swivel `s`; infinite without a scene.
-    pub fn distances(&self, k: usize, s: f64, q: &[[f64; 7]; 8], scratch: &mut Scratch) -> [f64; 8] {
+    /// How near the arm is at point `k` at swivel `s`, of the branches in `mask`.
+    pub fn distances(&self, k: usize, s: f64, q: &[[f64; 7]; 8], mask: u8) -> [Near; 8] {
         match &self.obstacles {
-            None => [f64::INFINITY; 8],
-            Some(o) => o.arm.of_branches(&self.circles[k], o.over[k].as_ref(), o.scene(k), s, q, scratch),
+            None => [Near::FAR; 8],
+            Some(o) => {
+                o.arm.of_branches(&self.circles[k], o.over[k].as_ref(), (s, q, mask), o.times[k], o.reach)
+            }
         }
     }
 
-    /// Distance from the obstacles of one branch.
-    pub fn distance(&self, k: usize, s: f64, q: &[f64; 7], scratch: &mut Scratch) -> f64 {
+    /// How near one branch is.
+    pub fn distance(&self, k: usize, s: f64, q: &[f64; 7]) -> Near {
         match &self.obstacles {
-            None => f64::INFINITY,
-            Some(o) => o.arm.of_one(&self.circles[k], o.over[k].as_ref(), o.scene(k), s, q, scratch),
+            None => Near::FAR,
+            Some(o) => o.arm.of_one(&self.circles[k], o.over[k].as_ref(), (s, q), o.times[k], o.reach),
         }
     }
 
@@ -377,16 +329,11 @@ impl<'a> Problem<'a> {
 
     /// Cost of being at a distance from the obstacles and at a manipulability; `None` in a collision.
     #[inline(always)]
-    pub fn place_cost(&self, q: &[f64; 7], distance: f64, scratch: &mut Scratch) -> Option<f64> {
-        if distance <= 0.0 {
+    pub fn place_cost(&self, q: &[f64; 7], near: Near, scratch: &mut Scratch) -> Option<f64> {
+        if near.least <= 0.0 {
             return None;
         }
-        let mut cost = 0.0;
-        let wanted = self.settings.wanted_clearance;
-        if distance < wanted {
-            let missing = 1.0 - distance / wanted;
-            cost += self.settings.clearance_weight * CLEARANCE_STEEP * missing * missing;
-        }
+        let mut cost = self.settings.clearance_weight * CLEARANCE_STEEP * near.missing;
         if let Some((measure, best)) = &self.dexterity {
             let here = measure.value_at(&self.arm.chain().kinematics_unchecked(q, scratch));
             let missing = (1.0 - here / best).max(0.0);
@@ -460,38 +407,17 @@ impl<'a> Problem<'a> {
         Some(self.step_weight(k) * sum)
     }
 
-    /// Whether the arm is clear of the obstacles all the way between point `k` and the next, when its joints go straight
-    /// from `a` to `b`: as far as it moves at most, the distance cannot fall. `near`: the distances at both.
+    /// Whether what the swivel moves is clear all the way between point `k` and the next, when the joints go straight from `a`
+    /// to `b`. `near`: the distances at both.
     pub fn edge_is_clear(
         &self,
         k: usize,
-        [a, b]: [&[f64; 7]; 2],
+        ends: [&[f64; 7]; 2],
         near: [f64; 2],
-        scratch: &mut Scratch,
+        memory: &mut Option<SweepMemory>,
     ) -> bool {
         let Some(o) = &self.obstacles else { return true };
-        let travel = o.travel(k, [a, b]);
-        let mut open = vec![([0.0, 1.0], near, 0)];
-        while let Some(([from, to], [d0, d1], depth)) = open.pop() {
-            if d0 <= 0.0 || d1 <= 0.0 {
-                return false;
-            }
-            if d0 + d1 > travel * (to - from) {
-                continue;
-            }
-            if depth == EDGE_HALVINGS {
-                return false;
-            }
-            let middle = 0.5 * (from + to);
-            let q: [f64; 7] = std::array::from_fn(|i| a[i] + middle * (b[i] - a[i]));
-            let distance = match &o.times {
-                Some(t) => o.arm.at_q(&q, &o.base.at(t[k] + middle * (t[k + 1] - t[k])), scratch),
-                None => o.arm.at_q(&q, &o.base, scratch),
-            };
-            open.push(([from, middle], [d0, distance], depth + 1));
-            open.push(([middle, to], [distance, d1], depth + 1));
-        }
-        true
+        o.arm.edge_is_clear(ends, [o.times[k], o.times[k + 1]], near, memory)
     }
 
     /// The points after which a line touches an obstacle before the next one.
@@ -499,19 +425,20 @@ impl<'a> Problem<'a> {
         if self.obstacles.is_none() {
             return Vec::new();
         }
-        let init = || Scratch::new(self.arm.chain());
         let n = line.q.len();
-        let near: Vec<f64> = (0..n)
-            .into_par_iter()
-            .map_init(init, |scratch, k| self.distance(k, line.swivel[k], &line.q[k], scratch))
-            .collect();
+        let near: Vec<f64> =
+            (0..n).into_par_iter().map(|k| self.distance(k, line.swivel[k], &line.q[k]).least).collect();
         (1..n)
             .into_par_iter()
-            .map_init(init, |scratch, k| {
-                let ends = [&line.q[k - 1], &line.q[k]];
-                let jump = line.reconfigurations.binary_search(&k).is_ok();
-                (!jump && !self.edge_is_clear(k - 1, ends, [near[k - 1], near[k]], scratch)).then_some(k - 1)
-            })
+            .map_init(
+                || None,
+                |memory, k| {
+                    let ends = [&line.q[k - 1], &line.q[k]];
+                    let jump = line.reconfigurations.binary_search(&k).is_ok();
+                    (!jump && !self.edge_is_clear(k - 1, ends, [near[k - 1], near[k]], memory))
+                        .then_some(k - 1)
+                },
+            )
             .flatten()
             .collect()
     }
@@ -531,15 +458,8 @@ impl<'a> Problem<'a> {
             .collect();
         let obstacles = self.obstacles.as_ref().map(|o| Obstacles {
             arm: o.arm.clone(),
-            base: o.base.clone(),
-            times: o.times.as_ref().map(|t| kept.iter().map(|k| t[*k]).collect()),
-            scenes: if o.scenes.len() > 1 {
-                kept.iter().map(|k| o.scenes[*k].clone()).collect()
-            } else {
-                o.scenes.clone()
-            },
+            times: kept.iter().map(|k| o.times[*k]).collect(),
             over: kept.iter().map(|k| o.over[*k].clone()).collect(),
-            moved: kept.windows(2).map(|w| sum(w, &|k| o.moved[k])).collect(),
             reach: o.reach,
         });
         let reconfiguration = dearest(self.settings, &parts, &steps);
@@ -559,158 +479,6 @@ impl<'a> Problem<'a> {
             dexterity: self.dexterity.clone(),
             points: kept.iter().map(|k| self.points[*k]).collect(),
             reconfiguration,
-        }
-    }
-
-    /// The line as a plan, with the reason where it is not whole.
-    pub fn finish(&self, line: Line) -> SwivelPlan {
-        let n = self.circles.len();
-        if let Some(plan) = (line.q.len() < n).then(|| self.behind_obstacles()).flatten() {
-            return plan;
-        }
-        let (status, reason) = if line.q.len() < n {
-            let k = line.q.len();
-            let what = match &self.settings.choice {
-                SwivelChoice::Fixed(_) => "the given swivel",
-                _ => "the given branch",
-            };
-            (
-                Status::Limits,
-                format!(
-                    "{what} holds the joint limits only up to point {k} of {n}: {}",
-                    self.nearest_miss(k)
-                ),
-            )
-        } else if let Some(k) = line.reconfigurations.first() {
-            let count = line.reconfigurations.len();
-            let times =
-                if count == 1 { "one reconfiguration".into() } else { format!("{count} reconfigurations") };
-            let miss = self.step_reason(*k, &line);
-            (
-                Status::Infeasible,
-                format!("no continuous solution: it takes {times}, the first before point {k}{miss}"),
-            )
-        } else {
-            (Status::Converged, String::new())
-        };
-        let blocked = if line.q.len() < n { vec![line.q.len()] } else { Vec::new() };
-        let clearance = self.clearance(&line);
-        let obstructions = line.reconfigurations.iter().map(|k| self.step_reason(*k, &line)).collect();
-        let Line { branch, swivel, q, reconfigurations, .. } = line;
-        SwivelPlan { status, reason, q, swivel, branch, reconfigurations, obstructions, blocked, clearance }
-    }
-
-    /// Distance from the obstacles along a line.
-    fn clearance(&self, line: &Line) -> Vec<f64> {
-        let Some(o) = &self.obstacles else { return Vec::new() };
-        let mut scratch = Scratch::new(self.arm.chain());
-        line.q.iter().enumerate().map(|(k, q)| o.arm.at_q(q, o.scene(k), &mut scratch)).collect()
-    }
-
-    /// The plan that says so, when obstacles cover every configuration within the limits of some points.
-    fn behind_obstacles(&self) -> Option<SwivelPlan> {
-        let o = self.obstacles.as_ref()?;
-        let n = self.circles.len();
-        // The best configuration of each point within the limits.
-        let best = |k: usize| -> Option<(f64, [f64; 7])> {
-            let mut scratch = Scratch::new(self.arm.chain());
-            let mut best: Option<(f64, [f64; 7])> = None;
-            for s in self.grid(k) {
-                let all = self.circles[k].all_branches(s);
-                let distances = self.distances(k, s, &all, &mut scratch);
-                for b in &self.branches {
-                    let within = self.holds(&all[*b]);
-                    if within && best.as_ref().is_none_or(|best| distances[*b] > best.0) {
-                        best = Some((distances[*b], all[*b]));
-                    }
-                }
-            }
-            best
-        };
-        let blocked: Vec<(usize, [f64; 7])> = (0..n)
-            .into_par_iter()
-            .filter_map(|k| best(k).filter(|best| best.0 <= 0.0).map(|best| (k, best.1)))
-            .collect();
-        let (k, q) = blocked.first()?;
-        let mut scratch = Scratch::new(self.arm.chain());
-        let kinematics = self.arm.chain().kinematics_unchecked(q, &mut scratch);
-        let pair = o.scene(*k).clearance_at(&o.arm.geometry, &kinematics)?;
-        let (count, link) = (blocked.len(), &self.arm.chain().links()[pair.link].name);
-        let verb = if count == 1 { "is" } else { "are" };
-        let (depth, which) = (-1e3 * pair.distance, pair.obstacle);
-        let word = o.scene(*k).obstacles()[which].shape.as_str();
-        let reason = format!(
-            "{count} of {n} points {verb} blocked by obstacles at every swivel; the first is point {k}: at best link \
-             '{link}' is {depth:.3} mm deep in obstacle {which} ({word})"
-        );
-        let blocked = blocked.iter().map(|(k, _)| *k).collect();
-        Some(SwivelPlan { status: Status::Unreachable, reason, blocked, ..empty() })
-    }
-
-    /// Which limits the branches break at the fixed swivel of point `k`, the least bad first.
-    fn nearest_miss(&self, k: usize) -> String {
-        let mut best = (f64::INFINITY, String::new());
-        for s in self.grid(k) {
-            let all = self.circles[k].all_branches(s);
-            for b in &self.branches {
-                let misses = (0..7).map(|i| {
-                    let above = all[*b][i] + TAU * ((self.lower[i] - all[*b][i]) / TAU).ceil();
-                    (above - self.upper[i]).max(0.0).min(self.lower[i] - above + TAU)
-                });
-                if let Some((i, miss)) = misses.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
-                    && miss < best.0
-                {
-                    let name = &self.arm.chain().joints()[i].name;
-                    best = (miss, format!("at best joint '{name}' is {miss:.6} rad outside its limits"));
-                }
-            }
-        }
-        best.1
-    }
-
-    /// What stands in the way of going on as before at a reconfiguration.
-    fn step_reason(&self, k: usize, line: &Line) -> String {
-        let all = self.circles[k].all_branches(line.swivel[k - 1]);
-        let q = &all[line.branch[k - 1]];
-        for i in 0..7 {
-            let at = q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round();
-            let name = &self.arm.chain().joints()[i].name;
-            if at < self.lower[i] || at > self.upper[i] {
-                let (lower, upper) = (self.lower[i], self.upper[i]);
-                return format!(" (joint '{name}' would leave [{lower:.6}, {upper:.6}] rad)");
-            }
-            let step = (at - line.q[k - 1][i]).abs();
-            if step > self.steps[k - 1][i] {
-                return format!(
-                    " (joint '{name}' would have to step by {step:.6} rad, {:.6} may be)",
-                    self.steps[k - 1][i]
-                );
-            }
-        }
-        let mut scratch = Scratch::new(self.arm.chain());
-        let distance = self.distances(k, line.swivel[k - 1], &all, &mut scratch)[line.branch[k - 1]];
-        if distance <= 0.0 {
-            return format!(" (the arm would be {:.3} mm deep in an obstacle)", -1e3 * distance);
-        }
-        let near = |k: usize, q: &[f64; 7], s: f64, scratch: &mut Scratch| self.distance(k, s, q, scratch);
-        let s = line.swivel[k - 1];
-        let before = near(k - 1, &line.q[k - 1], s, &mut scratch);
-        let after: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round());
-        if !self.edge_is_clear(k - 1, [&line.q[k - 1], &after], [before, distance], &mut scratch) {
-            return format!(" (the arm would touch an obstacle between points {} and {k})", k - 1);
-        }
-        if self.obstacles.is_some() {
-            return " (every way on ends at a joint limit or at an obstacle)".into();
-        }
-        " (every way on ends at a joint limit)".into()
-    }
-
-    /// What to say when no line closes.
-    pub fn never_closed(&self) -> SwivelPlan {
-        SwivelPlan {
-            status: Status::Infeasible,
-            reason: "no line along the path ends in the configuration in which it began".into(),
-            ..empty()
         }
     }
 }

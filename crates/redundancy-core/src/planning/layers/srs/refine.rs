@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use super::clearance::Near;
 use super::problem::{Line, Problem};
 use crate::kinematics::Scratch;
 
@@ -81,14 +82,18 @@ impl Problem<'_> {
 
     /// The joint positions along swivels, unwound from `first` on, and the distances from the obstacles; `None` where they
     /// break a limit, step too far or touch an obstacle, at a point or between two.
-    fn along(&self, swivel: &[f64], branch: &[usize], first: &[f64; 7]) -> Option<(Vec<[f64; 7]>, Vec<f64>)> {
-        let init = || Scratch::new(self.arm.chain());
-        let (mut rows, near): (Vec<[f64; 7]>, Vec<f64>) = swivel
+    fn along(
+        &self,
+        swivel: &[f64],
+        branch: &[usize],
+        first: &[f64; 7],
+    ) -> Option<(Vec<[f64; 7]>, Vec<Near>)> {
+        let (mut rows, near): (Vec<[f64; 7]>, Vec<Near>) = swivel
             .par_iter()
             .enumerate()
-            .map_init(init, |scratch, (k, s)| {
+            .map(|(k, s)| {
                 let q = self.circles[k].branch_of(*s, branch[k]);
-                (q, self.distance(k, *s, &q, scratch))
+                (q, self.distance(k, *s, &q))
             })
             .unzip();
         let mut before = *first;
@@ -100,7 +105,7 @@ impl Problem<'_> {
                     return None;
                 }
             }
-            if near[k] <= 0.0 {
+            if near[k].least <= 0.0 {
                 return None;
             }
             before = *q;
@@ -108,9 +113,13 @@ impl Problem<'_> {
         let clear = self.obstacles.is_none()
             || (1..rows.len())
                 .into_par_iter()
-                .map_init(init, |scratch, k| {
-                    self.edge_is_clear(k - 1, [&rows[k - 1], &rows[k]], [near[k - 1], near[k]], scratch)
-                })
+                .map_init(
+                    || None,
+                    |memory, k| {
+                        let ends = [near[k - 1].least, near[k].least];
+                        self.edge_is_clear(k - 1, [&rows[k - 1], &rows[k]], ends, memory)
+                    },
+                )
                 .all(|clear| clear);
         clear.then_some((rows, near))
     }
@@ -129,12 +138,12 @@ impl Problem<'_> {
         if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
             return None;
         }
-        let place = self.place_cost(&q, self.distance(k, s, &q, scratch), scratch)?;
+        let place = self.place_cost(&q, self.distance(k, s, &q), scratch)?;
         Some(self.node_cost(k, &q, s, place))
     }
 
     /// Total cost of a line whose distances from the obstacles are known.
-    fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[f64]) -> f64 {
+    fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[Near]) -> f64 {
         let init = || Scratch::new(self.arm.chain());
         let points: Vec<f64> = (0..q.len())
             .into_par_iter()
@@ -293,8 +302,7 @@ impl Problem<'_> {
                             if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
                                 return None;
                             }
-                            let distance = self.distance(k, s, &q, scratch);
-                            let place = self.place_cost(&q, distance, scratch)?;
+                            let place = self.place_cost(&q, self.distance(k, s, &q), scratch)?;
                             Some((q, self.node_cost(k, &q, s, place)))
                         })
                     },

@@ -9,8 +9,10 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
+use super::clearance::Near;
 use super::problem::{Line, Problem, turns_between};
 use crate::kinematics::Scratch;
+use crate::scene::SweepMemory;
 
 /// Swivels that are looked at together.
 const LANES: usize = 8;
@@ -136,7 +138,7 @@ impl<'a> Grid<'a> {
             let mut distances = None;
             for (row, branch) in problem.branches.iter().enumerate() {
                 if allowed & (1 << branch) != 0 {
-                    let distances = distances.get_or_insert_with(|| problem.distances(k, s, &all, scratch));
+                    let distances = distances.get_or_insert_with(|| problem.distances(k, s, &all, allowed));
                     self.put(&mut layer, k, (row, cell), s, &all[*branch], distances[*branch], scratch);
                     alive[cell] |= 1 << branch;
                 }
@@ -175,8 +177,8 @@ impl<'a> Grid<'a> {
                     continue;
                 }
                 let q = problem.circles[k].branch_of(middle, *branch);
-                let distance = problem.distance(k, middle, &q, scratch);
-                self.put(layer, k, (row, cell), middle, &q, distance, scratch);
+                let near = problem.distance(k, middle, &q);
+                self.put(layer, k, (row, cell), middle, &q, near, scratch);
                 layer.narrow.push((row, cell, middle));
                 alive[cell] |= 1 << branch;
             }
@@ -192,7 +194,7 @@ impl<'a> Grid<'a> {
         (row, cell): (usize, usize),
         s: f64,
         q: &[f64; 7],
-        distance: f64,
+        near: Near,
         scratch: &mut Scratch,
     ) {
         let problem = self.problem;
@@ -202,9 +204,9 @@ impl<'a> Grid<'a> {
         {
             return;
         }
-        layer.distance[row * self.cells + cell] = distance;
+        layer.distance[row * self.cells + cell] = near.least;
         let at = self.pad + cell;
-        let Some(place) = problem.place_cost(q, distance, scratch) else { return };
+        let Some(place) = problem.place_cost(q, near, scratch) else { return };
         let costs = problem.limit_costs(&wound);
         // What all windings share.
         let mut shared = place + problem.wish_cost(k, s);
@@ -281,7 +283,7 @@ impl<'a> Grid<'a> {
         let mut best = vec![[f64::INFINITY; LANES]; codes];
         let mut who = vec![[f64::from(NONE); LANES]; codes];
         let mut live: Vec<usize> = Vec::with_capacity(codes);
-        let mut scratch = checked.then(|| Scratch::new(problem.arm.chain()));
+        let mut sweep = checked.then_some(None);
         for start in (0..if dead { 0 } else { self.cells }).step_by(LANES) {
             let (at, width) = (self.pad + start, LANES.min(self.cells - start));
             let cost = |code: usize| {
@@ -339,7 +341,7 @@ impl<'a> Grid<'a> {
                         let cell = (start + j, (from + j + self.cells * self.pad - self.pad) % self.cells);
                         let lanes = (j, number, weight);
                         let edge = (k, before, here, branch, cell);
-                        self.relax(edge, lanes, row, from, &live, &mut best, &mut who, &mut scratch);
+                        self.relax(edge, lanes, row, from, &live, &mut best, &mut who, &mut sweep);
                     }
                     continue;
                 }
@@ -409,7 +411,7 @@ impl<'a> Grid<'a> {
         live: &[usize],
         best: &mut [[f64; LANES]],
         who: &mut [[f64; LANES]],
-        scratch: &mut Option<Scratch>,
+        sweep: &mut Option<Option<SweepMemory>>,
     ) {
         let problem = self.problem;
         let (a, b) = (self.position(before, branch, cell), self.position(here, branch, to));
@@ -431,7 +433,7 @@ impl<'a> Grid<'a> {
                 let free = *clear.get_or_insert_with(|| {
                     let ends = |layer: &Layer, cell: usize| layer.distance[branch * self.cells + cell];
                     let near = [ends(before, cell), ends(here, to)];
-                    scratch.as_mut().is_none_or(|s| problem.edge_is_clear(k - 1, [&a, &target], near, s))
+                    sweep.as_mut().is_none_or(|s| problem.edge_is_clear(k - 1, [&a, &target], near, s))
                 });
                 if !free {
                     return;
