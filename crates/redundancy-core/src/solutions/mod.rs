@@ -12,10 +12,10 @@ pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
 pub use closed_form::srs::{
     BatchChoice, Branch, BranchInterval, Chart, Choice, Defect, SelfMotion, SrsArm, Swivel,
 };
-pub(crate) use continuation::{Fibre, geometric, random_configurations, short_way, wind};
 pub use continuation::{
     SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
 };
+pub(crate) use continuation::{geometric, random_configurations, short_way, wind};
 
 // What the closed forms share.
 pub(crate) use closed_form::srs::{
