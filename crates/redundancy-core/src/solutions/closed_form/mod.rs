@@ -9,5 +9,6 @@ mod registry;
 pub mod spherical_wrist;
 pub mod srs;
 
+pub(crate) use form::sign_label;
 pub use form::{ClosedForm, Defect};
 pub use registry::closed_form;

@@ -7,6 +7,7 @@ mod circle;
 mod geometry;
 mod intervals;
 mod optimum;
+mod solutions;
 mod spherical;
 
 pub use arm::{SrsArm, Swivel};
