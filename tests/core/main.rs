@@ -14,6 +14,7 @@ mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod kinematics;
 mod optimum;
+mod parallel;
 mod path;
 mod planning;
 mod planning_brute;

@@ -26,10 +26,13 @@
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
 mod bspline;
+#[cfg(feature = "io")]
+mod files;
 #[allow(clippy::module_inception)]
 mod path;
 mod shapes;
 mod spline;
+#[cfg(feature = "io")]
 mod table;
 mod timed;
 mod timing;
