@@ -15,6 +15,7 @@ mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod kinematics;
 mod optimum;
+mod parallel;
 mod path;
 mod plan;
 mod planning;

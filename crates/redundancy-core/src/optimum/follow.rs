@@ -23,7 +23,6 @@
 //! Cost: some 10 us per step for seven joints and the joint range; steps of at most 0.05 rad.
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::classify::{Classifier, Kind};
 use super::critical_points::{CriticalNewton, CriticalPoint, OptimaSettings, constrained_optima};
@@ -31,6 +30,7 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense};
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Task, TaskKind};
+use crate::parallel::prelude::*;
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::solutions::geometric;
 use crate::tolerance::{
