@@ -1,9 +1,8 @@
 //! Many poses at once: spread over rayon's current pool, the same bits whatever the number of threads.
 
-use rayon::prelude::*;
-
 use super::solver::{IkResult, IkSolver};
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::parallel::prelude::*;
 use crate::pose::pose_from_row_major;
 use crate::solutions::at;
 use crate::status::Status;

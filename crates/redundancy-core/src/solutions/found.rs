@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 
 use super::continuation::{
-    Fibre, SelfMotionCurve, TraceSettings, random_configurations, short_way, traced_curves, wind,
+    SelfMotionCurve, TraceSettings, random_configurations, short_way, traced_curves, wind,
 };
 use super::lines::reach;
 use super::search;
@@ -15,7 +15,7 @@ use super::solutions::{Solution, Solutions, check_margin, check_piece};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_finite, check_length};
-use crate::kinematics::{Task, TaskKind};
+use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::pose::Pose;
 use crate::status::Status;
 use crate::tolerance::SAME_LINE;
@@ -95,7 +95,7 @@ impl TracedCurves {
         let origin = Origin::new(chain, &task, target, starts);
         let mut curves = Vec::new();
         if origin.beyond == 0.0 {
-            curves = traced_curves(Fibre::new(chain, &task, target), trace, seed, starts);
+            curves = traced_curves(Corrector::new(chain, task, target)?, trace, seed, starts);
             curves.retain(|curve| curve.length() > 0.0);
         }
         Ok(Self { origin, curves, arcs: OnceLock::new() })
@@ -254,7 +254,7 @@ impl FoundPoints {
         let origin = Origin::new(chain, &task, target, starts);
         let mut points: Vec<Vec<f64>> = Vec::new();
         if origin.beyond == 0.0 {
-            let mut fibre = Fibre::new(chain, &task, target);
+            let mut fibre = Corrector::new(chain, task, target)?;
             let mut d = vec![0.0; chain.dof()];
             for mut q in random_configurations(chain, seed, starts) {
                 if !fibre.reach(&mut q) {

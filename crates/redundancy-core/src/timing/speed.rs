@@ -20,11 +20,11 @@
 //! References: [FromGravdahl2007], [PhamPham2018].
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use crate::chain::{Body, Chain};
 use crate::error::{Error, Result, check_finite, check_length, check_vector};
 use crate::kinematics::DynamicsScratch;
+use crate::parallel::prelude::*;
 use crate::path::knot_derivatives;
 use crate::pose::Pose;
 use crate::solutions::closed_form;

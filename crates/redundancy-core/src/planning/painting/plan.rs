@@ -24,13 +24,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use nalgebra::{Const, SVector, Vector3};
-use rayon::prelude::*;
 
 use super::curve::Curve;
 use super::motion::{Arm, Size, Workspace};
 use super::search::{self, Bounds, Grid, Kind, State, rows_of};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
+use crate::parallel::prelude::*;
 use crate::path::{Event, Path, QuinticBasis, Trajectory};
 use crate::pose::Pose;
 use crate::solutions::{ClosedForm, closed_form, lines};

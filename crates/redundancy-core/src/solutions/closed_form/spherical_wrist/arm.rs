@@ -27,13 +27,13 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 use wide::f64x4;
 
 use super::complex::{Complex, complex};
 use super::geometry::WristGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
+use crate::parallel::prelude::*;
 use crate::pose::{Pose, check_pose, pose_from_row_major};
 use crate::solutions::{Defect, at, nearest_winding, opposite, outside, principal, signs, within, wrapped};
 use crate::status::Status;
