@@ -317,6 +317,7 @@ fn nearest_and_best_are_never_worse_than_a_scan() {
                 assert!(chain.within_limits(&found.q, 0.0));
                 assert!(pose_error(&chain.forward(&found.q).unwrap(), &target) < 1e-8);
                 assert!(difference(&at(&*set, found.piece, found.u), &found.q) < 1e-8);
+                assert!(found.u == 0.0 || (-PI..PI).contains(&found.u), "{}", found.u);
                 let exact = set_proven && (dimension == 0 || *springs);
                 assert!(found.proven == exact || dimension == 0, "{} {i}", chain.name());
                 assert!(set_proven || !found.proven);
