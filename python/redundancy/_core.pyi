@@ -1133,6 +1133,12 @@ class SrsArm:
     def chain(self) -> Chain:
         """The chain that was recognised."""
     @property
+    def name(self) -> str:
+        """`"srs"`."""
+    @property
+    def parameter(self) -> str:
+        """`"swivel"`."""
+    @property
     def chart(self) -> str:
         """Name of the chart."""
     @property
@@ -1219,7 +1225,17 @@ class SelfMotion:
         """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
     @property
     def reason(self) -> str:
-        """Why none, with the number: too far or too near by x mm; which joint, by how much at best. Else empty."""
+        """Why none, with the number: too far or too near by x mm; which joint, by how much at best.
+
+        Where the verdict is not `proven`, also why. Else empty.
+        """
+    @property
+    def proven(self) -> bool:
+        """Status and branches are exact.
+
+        False for an arm with a defect above 1e-9, and where shoulder or wrist reach a gimbal over this pose: there the
+        outer joints may share their sum in any way, beside the branches.
+        """
     @property
     def branches(self) -> list[Branch]:
         """The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach."""
@@ -1276,7 +1292,13 @@ class Choice:
         """`converged`, `limits` or `unreachable`."""
     @property
     def reason(self) -> str:
-        """Why there is none; empty when there is one."""
+        """Why there is none, or why it is not proven to be the best; else empty."""
+    @property
+    def proven(self) -> bool:
+        """No configuration over the pose is better; where there is none, the verdict is exact.
+
+        False for the best of a scan (criteria without bounds), and at gimbals that leave joints free.
+        """
 
 @final
 class ChoiceBatch:
@@ -1297,6 +1319,9 @@ class ChoiceBatch:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """`(N,)`: there is a configuration within the limits."""
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """`(N,)`: there is one, and no other over the pose is better."""
 
 @final
 class SolveBatch:
@@ -1473,7 +1498,14 @@ class IkResult:
     """The answer over one pose."""
 
     def __new__(
-        cls, q: ArrayLike, status: str, iterations: int, position_error: float, orientation_error: float
+        cls,
+        q: ArrayLike,
+        status: str,
+        iterations: int,
+        position_error: float,
+        orientation_error: float,
+        proven: bool = False,
+        starts: int = 0,
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1497,6 +1529,15 @@ class IkResult:
     @property
     def orientation_error(self) -> float:
         """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+    @property
+    def proven(self) -> bool:
+        """The status is exact: `converged` always, others from a closed form without defect.
+
+        False where it is that of a finite search; `reason` then says of how many starts.
+        """
+    @property
+    def starts(self) -> int:
+        """Starts of the numeric search; 0 from a closed form alone."""
 
 @final
 class IkBatch:
@@ -1509,6 +1550,7 @@ class IkBatch:
         iterations: NDArray[np.uint32],
         position_error: NDArray[np.float64],
         orientation_error: NDArray[np.float64],
+        proven: NDArray[np.bool_],
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1525,6 +1567,9 @@ class IkBatch:
     @property
     def orientation_error(self) -> NDArray[np.float64]:
         """`(N,)`, rad."""
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """`(N,)`: whether each status is exact, as `IkResult.proven`."""
     def __len__(self) -> int: ...
 
 @final
@@ -1552,6 +1597,12 @@ class SphericalWristArm:
     @property
     def chain(self) -> Chain:
         """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"spherical_wrist"`."""
+    @property
+    def parameter(self) -> None:
+        """`None`: the configurations over a pose are isolated."""
     @property
     def defect(self) -> tuple[float, float]:
         """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
@@ -1608,6 +1659,13 @@ class Configurations:
     def reason(self) -> str:
         """Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty."""
     @property
+    def proven(self) -> bool:
+        """Status and branches are exact.
+
+        False for an arm with a defect above 1e-9, and where the pose leaves a joint free (wrist centre on axis 1, wrist
+        at its gimbal).
+        """
+    @property
     def distance(self) -> float:
         """Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach."""
     @property
@@ -1616,6 +1674,182 @@ class Configurations:
     @property
     def branches(self) -> NDArray[np.int8]:
         """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
+
+# closed forms and solutions over a pose
+
+def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | SphericalWristArm | None:
+    """The closed form of an arm, recognised from its geometry.
+
+    Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
+    describes its spare freedom (`"swivel"`), `None` where configurations over a pose are isolated.
+
+    Args:
+        chain: The arm; an arm object is returned as it is.
+
+    Returns:
+        The arm object, or `None` where no closed form is known.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.closed_form(rd.catalog.load("iiwa14")).parameter
+        'swivel'
+        >>> rd.closed_form(rd.catalog.load("puma560")).name
+        'spherical_wrist'
+    """
+
+def solutions(
+    chain: Chain | SrsArm | SphericalWristArm,
+    pose: Any,
+    freedom: None = None,
+    *,
+    task: str | Task | None = None,
+    closed_form: bool = True,
+    seed: int | None = None,
+    starts: int | None = None,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> Solutions:
+    """Every configuration of an arm over a pose, through one interface for all arms.
+
+    From the closed form where the arm has one. Otherwise Newton's method is started from seeded random configurations
+    within the limits, and curves are traced through what it finds: then `proven` is False, for there may be others.
+
+    Args:
+        chain: The arm, or an arm object (whose chart then holds for the swivel).
+        pose: `(4, 4)` or SE3-like, base frame, m; `(2,)` for the task `planar`.
+        freedom: Must be `None`.
+        task: Which coordinates of the pose count; default the pose. The task must leave no or one freedom.
+        closed_form: Use the closed form where there is one.
+        seed: Seed of the random starts; default 0.
+        starts: Number of random starts; default 100.
+        step: Largest joint step between rows of traced curves; default 0.01.
+        max_rows: Rows after which a traced curve is given up; default 200 000.
+
+    Raises:
+        RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task has
+            coordinates, or with two or more joints beyond them.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("iiwa14")
+        >>> s = rd.solutions(chain, chain.forward([0.1, 0.5, 0.2, -1.2, 0.3, 0.8, 0.0]))
+        >>> s.dimension, str(s.status), s.proven, len(s.pieces)
+        (1, 'converged', True, 8)
+        >>> piece = s.pieces[0]
+        >>> piece.label, piece.closed, piece.q([0.0, 0.5]).shape
+        ('+++', True, (2, 7))
+        >>> s.best(rd.JointRange(chain)).proven
+        True
+    """
+
+@final
+class Solutions:
+    """Every configuration over one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`."""
+
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+    @property
+    def dimension(self) -> int:
+        """0 for isolated configurations, 1 for curves."""
+    @property
+    def status(self) -> Status:
+        """`converged` (some configuration holds the joint limits), `limits` (only others) or `unreachable` (none)."""
+    @property
+    def reason(self) -> str:
+        """Why none holds the limits, with the number, and why the verdict is not `proven`; else empty."""
+    @property
+    def proven(self) -> bool:
+        """Status and pieces are exact; False where they are those of a finite search, whose starts `reason` counts."""
+    @property
+    def pieces(self) -> list[Piece]:
+        """The points or curves, whether their limits hold or not."""
+    def nearest(self, q: ArrayLike) -> Solution:
+        """The configuration within the limits nearest to `q`, windings included; its `value` is the distance.
+
+        Args:
+            q: `(n,)`.
+        """
+    def best(self, criterion: Criterion) -> Solution:
+        """The best configuration within the limits.
+
+        Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums; else a
+        dense scan of all pieces, refined.
+
+        Args:
+            criterion: For as many joints as the arm has.
+        """
+
+@final
+class Piece:
+    """One point or curve of `Solutions`.
+
+    The parameter `u` of a closed curve has period 2 pi; for an S-R-S arm it is the swivel, for a traced curve it is
+    proportional to the length in joint space.
+    """
+
+    @property
+    def index(self) -> int:
+        """Its place in `Solutions.pieces`."""
+    @property
+    def label(self) -> str:
+        """What tells it from the others: the signs of the branch (shoulder, elbow, wrist), or a number."""
+    @property
+    def closed(self) -> bool:
+        """Whether it is a closed curve."""
+    @property
+    def range(self) -> tuple[float, float]:
+        """Ends of `u`: (-pi, pi) for a closed curve, (0, 0) for a point."""
+    def q(self, u: float | ArrayLike | None = None) -> NDArray[np.float64]:
+        """Configuration at `u`: `(n,)`, or `(N, n)` for `(N,)`. A point needs no `u`.
+
+        Principal values unless that breaks a limit and a winding does not.
+
+        Raises:
+            RedundancyError: `u` is not finite, is beyond the ends of an open curve, or is missing for a curve.
+        """
+    def tangent(self, u: float | ArrayLike) -> NDArray[np.float64]:
+        """dq/du at `u`: `(n,)`, or `(N, n)` for `(N,)`; finite and not zero.
+
+        Raises:
+            RedundancyError: as `q`; a point has no tangent.
+        """
+    def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
+        """Where all joint limits hold in some winding, `(k, 2)`, ascending.
+
+        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or nothing.
+
+        Args:
+            margin: Distance from each limit, rad or m.
+        """
+    def parameter(self, u: float | ArrayLike | None = None) -> float | NDArray[np.float64] | None:
+        """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`; `None` where there is none."""
+
+@final
+class Solution:
+    """A configuration chosen from `Solutions`; its parts are `None` where no configuration holds the limits."""
+
+    @property
+    def q(self) -> NDArray[np.float64] | None:
+        """Joint positions `(n,)` within the limits."""
+    @property
+    def piece(self) -> Piece | None:
+        """Its piece."""
+    @property
+    def u(self) -> float | None:
+        """Its parameter on the piece."""
+    @property
+    def value(self) -> float | None:
+        """The criterion there, or the distance."""
+    @property
+    def status(self) -> Status:
+        """`converged`, `limits` or `unreachable`."""
+    @property
+    def reason(self) -> str:
+        """Why there is none, or why it is not proven to be the best; else empty."""
+    @property
+    def proven(self) -> bool:
+        """No configuration over the pose is better; where there is none, the verdict is exact."""
 
 # planning
 

@@ -24,6 +24,7 @@ mod planning_scene;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod spray;
 mod support;
 mod task;

@@ -4,7 +4,7 @@
 //! value in the middle; every sign change of the slope is then refined. That resolves every minimum that is wider than a
 //! part, and proves nothing. Closed forms that can prove their optimum do not come here.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use super::solutions::{Solution, Solutions};
 use crate::chain::Chain;
@@ -177,6 +177,12 @@ impl<'a> Objective<'a> {
     }
 }
 
+/// The parameter of a closed piece in `[-pi, pi)`.
+pub(crate) fn in_period(u: f64) -> f64 {
+    let wrapped = crate::rotation::wrap(u);
+    if wrapped >= PI { -PI } else { wrapped }
+}
+
 struct Search<'a> {
     solutions: &'a dyn Solutions,
     objective: &'a Objective<'a>,
@@ -218,8 +224,10 @@ impl<'a> Search<'a> {
         }
         let chosen_by_springs = self.objective.springs.is_some();
         let several = !chosen_by_springs && self.other_windings();
-        let exact = self.solutions.dimension() == 0 && self.solutions.proven() && !several;
-        Ok(self.best.map(|best| Solution { proven: exact, ..best }))
+        let proven = self.solutions.dimension() == 0 && self.solutions.proven() && !several;
+        let Some(best) = self.best else { return Ok(None) };
+        let u = if self.solutions.closed(best.piece)? { in_period(best.u) } else { best.u };
+        Ok(Some(Solution { proven, u, ..best }))
     }
 
     /// Offers `self.q` (held within the limits) over `u`.
