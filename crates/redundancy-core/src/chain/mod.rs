@@ -13,6 +13,7 @@ mod chain;
 mod collision;
 mod dh;
 mod joint;
+mod windings;
 
 pub use builder::ChainBuilder;
 pub use chain::{Chain, Link};

@@ -17,7 +17,7 @@
 //!
 //! Cost: one forward kinematics with Jacobian and one factorisation per point, about 1 us for seven joints.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use nalgebra::DVector;
 use rand::{Rng, SeedableRng};
@@ -28,6 +28,7 @@ use super::closed_form::srs::SrsArm;
 use crate::chain::{Chain, JointKind};
 use crate::criterion::check_redundant;
 use crate::error::{Error, Result};
+use crate::joint_space::{TURN, margin};
 use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::path::{Event, EventKind};
 use crate::pose::{Pose, check_pose};
@@ -198,37 +199,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `b - a`, revolute joints the short way round.
-pub(crate) fn short_way(chain: &Chain, a: &[f64], b: &[f64], out: &mut [f64]) {
-    for (i, out) in out.iter_mut().enumerate() {
-        let d = b[i] - a[i];
-        *out = if chain.steps()[i].rotational { d - TAU * (d / TAU).round() } else { d };
-    }
-}
-
-/// The winding in which joint values are understood: the principal one, unless that breaks a limit and another does not.
-pub(crate) fn wind(chain: &Chain, q: &mut [f64]) {
-    for ((q, step), (lower, upper)) in
-        q.iter_mut().zip(chain.steps()).zip(chain.lower().iter().zip(chain.upper()))
-    {
-        if !step.rotational {
-            continue;
-        }
-        let principal = *q - TAU * (*q / TAU).round();
-        *q = principal;
-        if principal < *lower || principal > *upper {
-            // The least winding above the lower limit, where there is one.
-            let up = principal + TAU * ((lower - principal) / TAU).ceil();
-            let down = principal + TAU * ((upper - principal) / TAU).floor();
-            if up.is_finite() && up <= *upper {
-                *q = up;
-            } else if down.is_finite() && down >= *lower {
-                *q = down;
-            }
-        }
-    }
-}
-
 /// Cubic through `(0, a, ta)` and `(h, b, tb)` at `x`, joint by joint.
 fn hermite(a: &[f64], ta: &[f64], b: &[f64], tb: &[f64], h: f64, x: f64, out: &mut [f64]) {
     let u = x / h;
@@ -339,7 +309,7 @@ impl Tracer {
             let length = arc(chord, turn);
             // Is the start on the way?
             if k > 0 {
-                short_way(self.fibre.chain(), here, start, &mut to_start);
+                self.fibre.chain().difference_into(here, start, &mut to_start);
                 let along = dot(&to_start, now);
                 if along > 0.0
                     && norm(&to_start) <= 2.0 * chord
@@ -349,16 +319,11 @@ impl Tracer {
                     let chord = norm(&to_start);
                     let cosine = dot(now, &first).min(1.0);
                     s.push(s[k] + arc(chord, (2.0 * (1.0 - cosine)).max(0.0).sqrt()));
-                    for i in 0..n {
-                        // Whole turns are added to the start itself, not to rounded differences.
-                        let turns = ((here[i] + to_start[i] - start[i]) / TAU).round();
-                        to_start[i] = if self.fibre.chain().steps()[i].rotational {
-                            start[i] + TAU * turns
-                        } else {
-                            start[i]
-                        };
-                    }
-                    q.extend_from_slice(&to_start);
+                    to_start.iter_mut().zip(here).for_each(|(d, q)| *d += q);
+                    // Whole turns are added to the start itself, not to rounded differences.
+                    let mut end = start.to_vec();
+                    self.fibre.chain().wind_to(&mut end, &to_start);
+                    q.extend_from_slice(&end);
                     tangents.extend_from_slice(&first);
                     return (s, q, tangents, End::Closed);
                 }
@@ -424,7 +389,7 @@ fn from_branch(fibre: &Corrector, branch: &Branch<'_>, settings: &TraceSettings)
         } else {
             let (here, now) = (&q[n - 7..], &tangents[n - 7..]);
             let mut d = [0.0; 7];
-            short_way(chain, here, &x.0, &mut d);
+            chain.difference_into(here, &x.0, &mut d);
             let turn = (2.0 * (1.0 - dot(now, &x.1))).max(0.0).sqrt();
             s.push(s[s.len() - 1] + arc(norm(&d), turn));
             let next: Vec<f64> = here.iter().zip(d).map(|(a, d)| a + d).collect();
@@ -434,7 +399,7 @@ fn from_branch(fibre: &Corrector, branch: &Branch<'_>, settings: &TraceSettings)
     };
     let fine = |a: &([f64; 7], [f64; 7]), b: &([f64; 7], [f64; 7])| {
         let mut d = [0.0; 7];
-        short_way(chain, &a.0, &b.0, &mut d);
+        chain.difference_into(&a.0, &b.0, &mut d);
         norm(&d) <= settings.step && dot(&a.1, &b.1) >= TRACE_TURN.cos()
     };
     let mut left = point(0.0);
@@ -443,7 +408,7 @@ fn from_branch(fibre: &Corrector, branch: &Branch<'_>, settings: &TraceSettings)
     }
     for k in 0..FIRST {
         // Depth first, left to right.
-        let (from, to) = (TAU * k as f64 / FIRST as f64, TAU * (k + 1) as f64 / FIRST as f64);
+        let (from, to) = (TURN * k as f64 / FIRST as f64, TURN * (k + 1) as f64 / FIRST as f64);
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
             // The end is the beginning.
@@ -637,7 +602,7 @@ impl SelfMotionCurve {
         let mut d = vec![0.0; n];
         let mut nearest = (f64::INFINITY, 0);
         for (k, row) in self.q.chunks_exact(n).enumerate() {
-            short_way(self.fibre.chain(), row, q, &mut d);
+            self.fibre.chain().difference_into(row, q, &mut d);
             let distance = norm(&d);
             if distance < nearest.0 {
                 nearest = (distance, k);
@@ -653,13 +618,13 @@ impl SelfMotionCurve {
         let mut at = self.q_row(k).to_vec();
         let (mut fibre, length) = (self.fibre.clone(), self.length());
         for _ in 0..6 {
-            short_way(self.fibre.chain(), &at, q, &mut d);
+            self.fibre.chain().difference_into(&at, q, &mut d);
             let sign = dot(fibre.tangent_at(&at), self.tangent_row(k)).signum();
             let along = sign * dot(&d, fibre.tangent());
             s = if self.closed { (s + along).rem_euclid(length) } else { (s + along).clamp(0.0, length) };
             self.exact(s, &mut fibre, &mut at);
         }
-        short_way(self.fibre.chain(), &at, q, &mut d);
+        self.fibre.chain().difference_into(&at, q, &mut d);
         norm(&d) <= CURVE_CONTAINS
     }
 
@@ -670,12 +635,7 @@ impl SelfMotionCurve {
         if joint.kind == JointKind::Prismatic {
             return (q - lower).min(upper - q);
         }
-        let half = 0.5 * (upper - lower);
-        if half >= PI {
-            return f64::INFINITY;
-        }
-        let d = q - (lower + half);
-        half - (d - TAU * (d / TAU).round()).abs()
+        margin(q, lower, upper)
     }
 
     /// Arcs on which every joint is within its limits in some winding, with `margin` (rad or m) from each: `[lo, hi]` of
