@@ -13,6 +13,7 @@ mod ik_descent;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
+mod joint_space;
 mod kinematics;
 mod optimum;
 mod parallel;
