@@ -9,6 +9,7 @@ mod chain_catalog;
 mod chain_urdf;
 mod criterion;
 mod ik_descent;
+mod ik_parallel_axes;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;

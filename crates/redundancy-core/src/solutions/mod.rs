@@ -8,6 +8,7 @@ pub mod closed_form;
 mod continuation;
 pub(crate) mod lines;
 
+pub use closed_form::parallel_axes::ParallelAxesArm;
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
 pub use closed_form::srs::{
     BatchChoice, Branch, BranchInterval, Chart, Choice, Defect, SelfMotion, SrsArm, Swivel,

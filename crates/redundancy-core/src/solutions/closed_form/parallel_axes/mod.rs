@@ -1,0 +1,6 @@
+//! Six-joint arms whose axes 2, 3 and 4 are parallel.
+
+mod arm;
+mod geometry;
+
+pub use arm::ParallelAxesArm;
