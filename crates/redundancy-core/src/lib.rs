@@ -17,11 +17,18 @@
 //! `rotation -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 
+// Helpers of a feature stay in without it; the build with all features finds what nothing needs.
+#![cfg_attr(
+    not(all(feature = "urdf", feature = "io", feature = "parallel", feature = "plan", feature = "mesh")),
+    allow(dead_code, unused_imports)
+)]
+
 pub mod chain;
 pub mod criterion;
 pub mod ik;
 pub mod kinematics;
 pub mod optimum;
+pub mod parallel;
 pub mod path;
 pub mod planning;
 pub mod rotation;
@@ -34,8 +41,10 @@ pub mod velocity;
 mod error;
 mod pose;
 mod status;
+mod watch;
 
 pub use error::{Error, Result};
 pub use nalgebra;
 pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
 pub use status::Status;
+pub use watch::{Deadline, Watch, WatchPart};

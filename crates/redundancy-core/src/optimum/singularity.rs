@@ -14,7 +14,6 @@
 //! Cost for the planar arm with three joints: about 0.3 ms per start; a hundred starts find all ten points.
 
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use super::classify::Classifier;
 use super::critical_points::MOST_STARTS;
@@ -22,6 +21,7 @@ use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Task};
+use crate::parallel::prelude::*;
 use crate::solutions::{geometric, random_configurations, short_way, wind};
 use crate::tolerance::{
     FOLLOW_DONE, SAME_SINGULARITY, SINGULARITY_DIFFERENCE, SINGULARITY_RANK, SINGULARITY_RESIDUAL,

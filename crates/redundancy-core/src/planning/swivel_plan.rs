@@ -22,13 +22,12 @@
 
 use std::f64::consts::TAU;
 
-use rayon::prelude::*;
-
 use super::layers::srs::problem::Problem;
 use super::layers::srs::search::Grid;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::rotation_vector;
+use crate::parallel::prelude::*;
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::pose::Pose;
 use crate::scene::Scene;

@@ -4,12 +4,12 @@ use std::f64::consts::{PI, TAU};
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::clearance::{ArmClearance, OverPose};
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
 use crate::kinematics::{Scratch, Task};
+use crate::parallel::prelude::*;
 use crate::path::Path;
 use crate::planning::swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, empty};
 use crate::scene::Scene;

@@ -2,10 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use rayon::prelude::*;
-
 use super::problem::{Line, Problem};
 use crate::kinematics::Scratch;
+use crate::parallel::prelude::*;
 
 /// Most Newton steps of the refinement, and the relative decrease of the cost at which it stops.
 const POLISH_STEPS: usize = 40;

@@ -7,10 +7,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rayon::prelude::*;
-
 use super::problem::{Line, Problem, turns_between};
 use crate::kinematics::Scratch;
+use crate::parallel::prelude::*;
 
 /// Swivels that are looked at together.
 const LANES: usize = 8;

@@ -30,18 +30,15 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Complex, Matrix3, Vector3};
-use rayon::prelude::*;
 use wide::f64x4;
 
 use super::geometry::ParallelGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
+use crate::parallel::prelude::*;
 use crate::pose::{Pose, check_pose, pose_from_row_major};
 use crate::solutions::closed_form::lanes::{Turns, all, wrapped_lanes};
-use crate::solutions::{
-    Configurations, Defect, at, nearest_winding, outside, principal, signs, within, wrapped,
-};
-use crate::status::Status;
+use crate::solutions::{Defect, at, nearest_winding, outside, principal, signs, within, wrapped};
 use crate::tolerance::{
     GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
 };
@@ -88,7 +85,7 @@ struct Inner {
 
 /// Directions of joints 1 and 6 where the pose leaves them free.
 #[derive(Debug, Clone, Copy)]
-struct Free {
+pub(super) struct Free {
     base: [f64; 2],
     hand: [f64; 2],
     /// Sine of the angle of axis 6 against m up to which joint 6 counts as free.
@@ -103,7 +100,7 @@ impl Free {
 }
 
 /// What the pose fixes.
-struct Target {
+pub(super) struct Target {
     /// C along `e, j, k`, from the origin of the arm.
     center: Vector3<f64>,
     /// From the wrist frame at `q = 0`, carried by the tool, to `e, j, k`.
@@ -119,6 +116,8 @@ struct Base {
     mask: u8,
     /// By how much C is too near to axis 1, m.
     miss: f64,
+    /// C is on axis 1, which leaves joint 1 free.
+    on_axis: bool,
 }
 
 /// Joint 5 (the angle x of the triangle), joint 6, and the sum of joints 2, 3, 4.
@@ -135,12 +134,14 @@ struct Wrist {
 /// What was found besides the rows.
 #[derive(Clone, Copy)]
 struct Found {
-    /// Bit `b`: row `b` is a configuration.
+    /// Bit `b`: row `b` is a configuration, limits aside.
     mask: u8,
     /// Some wrist is singular: joint 6 was chosen, or rounding of it can have moved the arm out of reach.
     singular: bool,
     /// Sine of the angle of axis 6 against m in each lane.
     height: [f64; 4],
+    /// C is on axis 1: joint 1 was chosen.
+    on_axis: bool,
     /// By how much the best arm misses: m between the wrist and what shoulder and elbow reach.
     miss: f64,
 }
@@ -177,7 +178,7 @@ impl ParallelAxesArm {
 
     /// Configurations over `pose`, in branch order: with `limits` those within the joint limits, in the winding that
     /// holds them; without, all distinct ones (up to eight) in principal values. Empty when there is none:
-    /// [`ParallelAxesArm::configurations`] says why.
+    /// [`ParallelAxesArm::configurations`](ParallelAxesArm::configurations) says why.
     ///
     /// # Errors
     /// A pose that is not rigid or finite.
@@ -239,7 +240,12 @@ impl ParallelAxesArm {
     }
 
     /// [`ParallelAxesArm::nearest`] for checked input; allocates nothing.
-    pub(crate) fn nearest_unchecked(&self, pose: &Pose, q: &[f64]) -> Option<[f64; 6]> {
+    pub(super) fn nearest_unchecked(&self, pose: &Pose, q: &[f64]) -> Option<[f64; 6]> {
+        self.nearest_branch(pose, q).map(|(_, near)| near)
+    }
+
+    /// [`ParallelAxesArm::nearest_unchecked`] with its branch.
+    pub(super) fn nearest_branch(&self, pose: &Pose, q: &[f64]) -> Option<(usize, [f64; 6])> {
         let Inner { lower, upper, .. } = &*self.inner;
         let target = self.target(pose);
         let [q1, q6] = [0, 5].map(|i| q[i].clamp(lower[i], upper[i]));
@@ -251,8 +257,8 @@ impl ParallelAxesArm {
         } else {
             found.mask
         };
-        let mut best: Option<(f64, [f64; 6])> = None;
-        for (_, row) in rows.iter().enumerate().filter(|(b, _)| mask & (1 << b) != 0) {
+        let mut best: Option<(f64, usize, [f64; 6])> = None;
+        for (branch, row) in rows.iter().enumerate().filter(|(b, _)| mask & (1 << b) != 0) {
             let mut near = [0.0; 6];
             let inside = (0..6).all(|i| {
                 let wound = nearest_winding(row[i], q[i], lower[i], upper[i]);
@@ -260,11 +266,11 @@ impl ParallelAxesArm {
                 wound.is_some()
             });
             let distance = near.iter().zip(q).map(|(a, b)| (a - b) * (a - b)).sum();
-            if inside && best.is_none_or(|(least, _)| distance < least) {
-                best = Some((distance, near));
+            if inside && best.is_none_or(|(least, ..)| distance < least) {
+                best = Some((distance, branch, near));
             }
         }
-        best.map(|(_, q)| q)
+        best.map(|(_, branch, q)| (branch, q))
     }
 
     /// [`ParallelAxesArm::nearest`] for many poses, to one `q` for all (6 numbers) or one for each (`N * 6`).
@@ -303,30 +309,6 @@ impl ParallelAxesArm {
         Ok(values.map(|x| if x < 0.0 { -1 } else { 1 }))
     }
 
-    /// Every configuration over `pose` within the limits; where there is none, the reason and the number.
-    ///
-    /// # Errors
-    /// A pose that is not rigid or finite.
-    pub fn configurations(&self, pose: &Pose) -> Result<Configurations> {
-        check_pose("pose", pose)?;
-        let mut rows = [[0.0; 6]; 8];
-        let mask = self.solve_into(pose, true, &mut rows);
-        let branches: Vec<usize> = (0..8).filter(|b| mask & (1 << b) != 0).collect();
-        let q = branches.iter().map(|b| rows[*b]).collect();
-        let (mut status, mut reason, mut distance) = (Status::Converged, String::new(), 0.0);
-        if branches.is_empty() {
-            let reachable = self.solve_into(pose, false, &mut rows);
-            if reachable == 0 {
-                status = Status::Unreachable;
-                (reason, distance) = self.unreachable_reason(&self.target(pose));
-            } else {
-                status = Status::Limits;
-                reason = self.limits_reason(&rows, reachable);
-            }
-        }
-        Ok(Configurations { status, reason, distance, q, branches })
-    }
-
     /// Signs `[shoulder, elbow, wrist]` of a branch index.
     pub fn signs(branch: usize) -> [i8; 3] {
         signs(branch)
@@ -357,7 +339,7 @@ impl ParallelAxesArm {
         let least = if on_axis { f64::INFINITY } else { 0.0 };
         let turn = Turns::along(x * ahead + z * all(y), z * ahead - x * all(y), least, free.base);
         let height = g.sin_lean * center.z - g.cos_lean * y;
-        Base { turn, ahead, height, mask, miss: (y.abs() - rho).max(0.0) }
+        Base { turn, ahead, height, mask, miss: (y.abs() - rho).max(0.0), on_axis }
     }
 
     /// The image of m in the wrist frame of the tool.
@@ -450,7 +432,8 @@ impl ParallelAxesArm {
         }
         let doubtful = wrist.height.simd_gt(all(GIMBAL_SINE)) & !out_of_reach;
         let doubtful = wrist.height.simd_lt(all(SINGULAR_WRIST_SINE)) & !doubtful;
-        Found { mask, singular: doubtful.to_bitmask() != 0, height: wrist.height.to_array(), miss }
+        let (singular, on_axis) = (doubtful.to_bitmask() != 0, base.on_axis);
+        Found { mask, singular, height: wrist.height.to_array(), on_axis, miss }
     }
 
     /// Bit `b` is kept when a winding of row `b` holds all limits; that winding is written back.
@@ -576,8 +559,9 @@ impl ParallelAxesArm {
 
     /// What is out of reach, and by how much: m, 0 where it is an angle.
     #[cold]
-    fn unreachable_reason(&self, target: &Target) -> (String, f64) {
+    pub(super) fn unreachable_reason(&self, pose: &Pose) -> (String, f64) {
         let g = &self.inner.geometry;
+        let target = &self.target(pose);
         let base = self.base(&target.center, &self.inner.free, 0.0);
         let [x, y, z] = self.image(&target.tool, base.turn);
         let angles = Turns::along((x * x + y * y).sqrt(), z, 0.0, [1.0, 0.0]);
@@ -594,9 +578,27 @@ impl ParallelAxesArm {
         (format!("the wrist would be {:.6} mm {text}", 1e3 * distance), distance)
     }
 
+    /// What the pose leaves free, in words; `None` where all configurations are isolated.
+    pub(super) fn freedom(&self, pose: &Pose) -> Option<String> {
+        let target = self.target(pose);
+        let found = self.branches(&target, &self.inner.free, &mut [[0.0; 6]; 8]);
+        let joints = self.chain().joints();
+        if found.on_axis {
+            let name = &joints[0].name;
+            return Some(format!("the wrist centre is on the first axis: '{name}' may take any value"));
+        }
+        let [b, c, d, f] = [1, 2, 3, 5].map(|i| &joints[i].name);
+        let free = found.height.iter().any(|height| *height <= GIMBAL_SINE);
+        free.then(|| {
+            format!(
+                "the last axis is along those of '{b}', '{c}' and '{d}': '{f}' may take more than one value"
+            )
+        })
+    }
+
     /// Which limit is missed by how little at best.
     #[cold]
-    fn limits_reason(&self, rows: &[[f64; 6]; 8], reachable: u8) -> String {
+    pub(super) fn limits_reason(&self, rows: &[[f64; 6]; 8], reachable: u8) -> String {
         let Inner { lower, upper, chain, .. } = &*self.inner;
         let mut best = (f64::INFINITY, 0);
         for (_, row) in rows.iter().enumerate().filter(|(b, _)| reachable & (1 << b) != 0) {

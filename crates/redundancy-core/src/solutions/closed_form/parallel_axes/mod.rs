@@ -2,5 +2,7 @@
 
 mod arm;
 mod geometry;
+mod solutions;
 
 pub use arm::ParallelAxesArm;
+pub use solutions::ParallelAxesConfigurations;
