@@ -10,6 +10,7 @@ mod chain_urdf;
 mod corrector;
 mod criterion;
 mod ik_descent;
+mod ik_parallel_axes;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
