@@ -2,6 +2,7 @@
 
 mod batch;
 mod forward;
+mod freedom;
 mod hessian;
 mod inverse_dynamics;
 mod jacobian;
@@ -10,6 +11,7 @@ mod scratch;
 mod task;
 mod trigonometry;
 
+pub use freedom::{SpinFreedom, ToolFreedom};
 pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use null_space::NullSpace;
