@@ -15,6 +15,7 @@ mod inverse_dynamics;
 mod kinematics;
 mod optimum;
 mod path;
+mod plan;
 mod planning;
 mod planning_brute;
 mod planning_scene;

@@ -340,9 +340,9 @@ pub const TRACE_CLOSURE: f64 = 1e-2;
 /// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
 pub const CURVE_CONTAINS: f64 = 1e-8;
 
-/// Largest defect (m, rad) of an S-R-S arm whose closed form is taken for its self-motion: what is left is corrected
-/// in one Newton step.
-pub const SRS_EXACT: f64 = 1e-9;
+/// Largest defect (m, rad) of an arm whose closed form counts as exact: what is left is rounding of the description, and
+/// is corrected in one Newton step.
+pub const CLOSED_FORM_EXACT: f64 = 1e-9;
 
 /// Slope of a criterion along the self-motion, relative to its gradient and curvature, up to which a configuration
 /// counts as critical: angles printed with four decimals of a degree (1.5e-6 rad from the critical point) pass.

@@ -28,6 +28,7 @@
 mod bspline;
 #[allow(clippy::module_inception)]
 mod path;
+mod plan;
 mod shapes;
 mod spline;
 mod table;
@@ -37,6 +38,7 @@ mod trajectory;
 
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
+pub use plan::{BlockedPoint, Pieces, Plan, PlanBuilder, Reconfiguration, SpareCoordinate};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
 pub use timed::{Reference, TimedPath};

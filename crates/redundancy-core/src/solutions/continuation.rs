@@ -33,7 +33,7 @@ use crate::path::{Event, EventKind};
 use crate::pose::{Pose, check_pose};
 use crate::status::Status;
 use crate::tolerance::{
-    CURVE_CONTAINS, KINEMATIC_SINGULARITY, SRS_EXACT, TRACE_CLOSURE, TRACE_ONE_STEP, TRACE_SHORTEST,
+    CLOSED_FORM_EXACT, CURVE_CONTAINS, KINEMATIC_SINGULARITY, TRACE_CLOSURE, TRACE_ONE_STEP, TRACE_SHORTEST,
     TRACE_TURN,
 };
 
@@ -218,7 +218,7 @@ pub fn self_motion_curves(
     let fibre = Fibre::new(chain, &task, target);
     if task.kind() == TaskKind::Pose
         && let Ok(arm) = SrsArm::new(chain)
-        && arm.defect().position.max(arm.defect().orientation) <= SRS_EXACT
+        && arm.defect().largest() <= CLOSED_FORM_EXACT
     {
         let motion = arm.self_motion(target)?;
         return Ok(motion.branches().iter().map(|branch| from_branch(&fibre, branch, settings)).collect());

@@ -7,15 +7,18 @@
 pub mod closed_form;
 mod continuation;
 pub(crate) mod lines;
+#[allow(clippy::module_inception)] // the trait's file has the name of the trait
+mod solutions;
 
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
-pub use closed_form::srs::{
-    BatchChoice, Branch, BranchInterval, Chart, Choice, Defect, SelfMotion, SrsArm, Swivel,
-};
+pub use closed_form::srs::{BatchChoice, Branch, BranchInterval, Chart, Choice, SelfMotion, SrsArm, Swivel};
+pub use closed_form::{ClosedForm, Defect, closed_form};
 pub(crate) use continuation::{Fibre, geometric, random_configurations, short_way, wind};
 pub use continuation::{
     SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
 };
+pub use solutions::{Solution, Solutions};
+pub(crate) use solutions::{check_margin, check_piece};
 
 // What the closed forms share.
 pub(crate) use closed_form::srs::{
