@@ -54,7 +54,7 @@ impl Objective {
     }
 }
 
-/// Settings of [`plan`](super::plan()).
+/// Settings of [`plan`](super::plan).
 #[derive(Debug, Clone)]
 pub struct PlanSettings {
     /// How far the tool may lean and spin.
@@ -341,8 +341,7 @@ impl Demand {
     pub fn even_rows(&self, count: usize) -> Vec<usize> {
         let last = if self.cyclic { self.rows() } else { self.rows() - 1 };
         let intervals = count.saturating_sub(1).clamp(1, last);
-        let mut rows: Vec<usize> =
-            (0..=intervals).map(|k| (k * last + intervals / 2) / intervals).collect();
+        let mut rows: Vec<usize> = (0..=intervals).map(|k| (k * last + intervals / 2) / intervals).collect();
         if self.cyclic {
             rows.pop();
         }
@@ -404,9 +403,12 @@ impl Demand {
         let motion: f64 = (0..self.steps())
             .map(|step| {
                 let (a, b) = (step * n, self.after(step) * n);
-                let square: f64 =
-                    (0..n).map(|i| self.joint_weight[i] * (q[b + i] - q[a + i]).powi(2)).sum();
-                if self.objective == Objective::Length { square.sqrt() } else { square / self.step_share[step] }
+                let square: f64 = (0..n).map(|i| self.joint_weight[i] * (q[b + i] - q[a + i]).powi(2)).sum();
+                if self.objective == Objective::Length {
+                    square.sqrt()
+                } else {
+                    square / self.step_share[step]
+                }
             })
             .sum();
         rows + self.motion_weight * motion

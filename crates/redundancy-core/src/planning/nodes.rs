@@ -78,7 +78,8 @@ impl Nodes {
         let target = &demand.targets[self.rows[layer]];
         let Some(q) = (0..ATTEMPTS).find_map(|_| {
             let mut q = posture(demand, &mut rng);
-            let pull = Pull { tilt: rng.random::<f64>().sqrt(), spin: 2.0 * rng.random::<f64>() - 1.0, ..Pull::FAR };
+            let pull =
+                Pull { tilt: rng.random::<f64>().sqrt(), spin: 2.0 * rng.random::<f64>() - 1.0, ..Pull::FAR };
             puller.pull_far(&mut q, target, &pull).then_some(q)
         }) else {
             return out;

@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use super::demand::Demand;
 use super::nodes::Nodes;
-use crate::criterion::Criterion;
 
 /// A line through the states.
 #[derive(Debug, Clone)]
@@ -123,8 +122,9 @@ impl<'a> Search<'a> {
         }
         for step in layer..layers - 1 {
             let (from, width) = (states[step], self.states(step + 1));
-            let cost =
-                |to: usize| self.edges[step][from * width + to] + self.node_cost[step + 1][to] + go[step + 1][to];
+            let cost = |to: usize| {
+                self.edges[step][from * width + to] + self.node_cost[step + 1][to] + go[step + 1][to]
+            };
             states[step + 1] = least(width, cost);
         }
         states
@@ -220,7 +220,8 @@ impl<'a> Search<'a> {
             }
             let given = self.demand.first.is_some() || self.demand.last.is_some();
             let [middle, half] = self.demand.range[i];
-            let turns = if half > 0.0 && !given { ((0.5 * (least + most) - middle) / TAU).round() } else { 0.0 };
+            let turns =
+                if half > 0.0 && !given { ((0.5 * (least + most) - middle) / TAU).round() } else { 0.0 };
             q.iter_mut().skip(i).step_by(n).for_each(|q| *q -= TAU * turns);
             let (least, most) = (least - TAU * turns, most - TAU * turns);
             if least < self.demand.lower[i] - WINDING_SLACK || most > self.demand.upper[i] + WINDING_SLACK {

@@ -80,7 +80,8 @@ impl ToolTask {
             cone: None,
             spin: None,
         };
-        let kind = task.map_or(if oriented { TaskKind::Pose } else { TaskKind::Position }, |task| task.kind());
+        let kind =
+            task.map_or(if oriented { TaskKind::Pose } else { TaskKind::Position }, |task| task.kind());
         if !freedom.is_none() && kind != TaskKind::Pose {
             let why = if oriented {
                 format!("the task '{kind}' leaves the orientation open already")
@@ -309,7 +310,13 @@ impl ToolTask {
 
     /// Adds `sum_r weights_r d2 h_r / dq2`.
     #[inline]
-    pub fn add_bound_curvature(&self, at: &Kinematics<'_>, target: &Target, weights: &[f64], out: &mut [f64]) {
+    pub fn add_bound_curvature(
+        &self,
+        at: &Kinematics<'_>,
+        target: &Target,
+        weights: &[f64],
+        out: &mut [f64],
+    ) {
         let n = at.jacobian().ncols();
         let mut next = 0;
         if let Some(cone) = self.cone {
@@ -382,8 +389,7 @@ impl ToolTask {
             let angle = a.cross(&d).norm().atan2(a.dot(&d));
             if angle > cone {
                 let across = d.cross(&a);
-                let across =
-                    if across.norm() > 1e-9 { across } else { target.frame.column(0).into_owned() };
+                let across = if across.norm() > 1e-9 { across } else { target.frame.column(0).into_owned() };
                 inside.axis = Some(Rotation3::from_scaled_axis(across.normalize() * (cone * tilt)) * d);
             }
         }
@@ -458,7 +464,7 @@ pub(super) struct Inside {
 impl Inside {
     /// Number of rows.
     pub fn rows(&self) -> usize {
-        if self.axis.is_some() { 2 } else { 0 } + usize::from(self.twist.is_some())
+        2 * usize::from(self.axis.is_some()) + usize::from(self.twist.is_some())
     }
 }
 

@@ -169,8 +169,10 @@ fn positive_cholesky(a: &mut [f64], r: usize, floor: f64) -> bool {
     // Gershgorin: from here on every pivot is positive.
     let mut lowest = f64::INFINITY;
     for i in 0..r {
-        let off: f64 =
-            (0..r).filter(|j| *j != i).map(|j| if j < i { copy[i * r + j] } else { copy[j * r + i] }.abs()).sum();
+        let off: f64 = (0..r)
+            .filter(|j| *j != i)
+            .map(|j| if j < i { copy[i * r + j] } else { copy[j * r + i] }.abs())
+            .sum();
         lowest = lowest.min(copy[i * r + i] - off);
     }
     let most = (floor - lowest).max(floor);

@@ -123,7 +123,14 @@ impl<'a> Interior<'a> {
         let (slope, force) = (residual.slope, self.linear.force());
         let q = self.linear.exact()?;
         let violation = self.linear.violation(&q);
-        Some(Refined { cost: self.demand.cost(&q), q, slope: slope / force, violation, iterations, converged })
+        Some(Refined {
+            cost: self.demand.cost(&q),
+            q,
+            slope: slope / force,
+            violation,
+            iterations,
+            converged,
+        })
     }
 
     fn lowered(&self, last: f64) -> f64 {

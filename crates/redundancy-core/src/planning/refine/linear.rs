@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::super::demand::{Demand, Objective};
-use super::super::pull::{MOST_JOINTS, Pull, Puller};
+use super::super::demand::Demand;
+use super::super::pull::MOST_JOINTS;
 use super::super::tool::{MOST_BOUNDS, MOST_ROWS};
 use super::banded::Banded;
 use super::interior::{Goal, is_length};
@@ -25,7 +25,11 @@ pub(super) fn screened(demand: &Demand, q: &[f64], goal: Goal) -> Sets {
         let near = NEAR_LIMIT.max(NEAR_RANGE * demand.range[i][1]);
         room(demand, q, i) < near
     };
-    let peak = if goal == Goal::Peak { (0..n).filter(|i| demand.speed_weight[*i] > 0.0).collect() } else { Vec::new() };
+    let peak = if goal == Goal::Peak {
+        (0..n).filter(|i| demand.speed_weight[*i] > 0.0).collect()
+    } else {
+        Vec::new()
+    };
     Sets {
         bounds: (0..n).filter(|i| near(*i)).collect(),
         steps: (0..n).filter(|i| load(demand, q, *i, goal) > NEAR_STEP).collect(),
@@ -183,8 +187,11 @@ impl<'a> Linear<'a> {
         };
         let peak = PEAK_ROOM * demand.peak_speed(&q);
         let cost = demand.cost(&q);
-        let (peak_weight, cost_weight) =
-            if goal == Goal::Peak { (1.0, PEAK_COST * peak / cost.max(f64::MIN_POSITIVE)) } else { (0.0, 1.0) };
+        let (peak_weight, cost_weight) = if goal == Goal::Peak {
+            (1.0, PEAK_COST * peak / cost.max(f64::MIN_POSITIVE))
+        } else {
+            (0.0, 1.0)
+        };
         let mut out = Self {
             rows: vec![row; demand.rows()],
             steps: vec![step; demand.steps()],
@@ -213,7 +220,9 @@ impl<'a> Linear<'a> {
 
     /// Puts the slacks inside and the multipliers on the central path.
     pub fn start(&mut self, mu: f64) {
-        self.s = self.h.iter().map(|h| if h.is_finite() { h.max(LEAST_SLACK) } else { f64::INFINITY }).collect();
+        self.s = (self.h.iter().zip(self.scales()))
+            .map(|(h, scale)| if h.is_finite() { h.max(LEAST_SLACK * scale) } else { f64::INFINITY })
+            .collect();
         self.z = self.s.iter().map(|s| mu / s).collect();
         self.y = self.z.clone();
     }
@@ -229,8 +238,13 @@ impl<'a> Linear<'a> {
         let motion: f64 = (0..demand.steps())
             .map(|step| {
                 let (a, b) = (step * n, demand.after(step) * n);
-                let square: f64 = (0..n).map(|i| demand.joint_weight[i] * (q[b + i] - q[a + i]).powi(2)).sum();
-                if is_length(demand) { (square + smoothing(demand, step)).sqrt() } else { square / demand.step_share[step] }
+                let square: f64 =
+                    (0..n).map(|i| demand.joint_weight[i] * (q[b + i] - q[a + i]).powi(2)).sum();
+                if is_length(demand) {
+                    (square + smoothing(demand, step)).sqrt()
+                } else {
+                    square / demand.step_share[step]
+                }
             })
             .sum();
         self.peak_weight * peak + self.cost_weight * (row_costs + demand.motion_weight * motion)
@@ -299,7 +313,11 @@ impl<'a> Linear<'a> {
                 .map(|(row, q)| {
                     let mut h = [f64::INFINITY; MOST_BOUNDS];
                     if demand.given(row).is_none() {
-                        demand.tool.bound_values(&demand.chain.forward_unchecked(q), &demand.targets[row], &mut h);
+                        demand.tool.bound_values(
+                            &demand.chain.forward_unchecked(q),
+                            &demand.targets[row],
+                            &mut h,
+                        );
                     }
                     h
                 })
@@ -329,6 +347,26 @@ impl<'a> Linear<'a> {
         let (rows, steps) = (self.demand.rows(), self.demand.steps());
         rows * (2 * self.sets.bounds.len() + self.demand.tool.bounds())
             + 2 * steps * (self.sets.steps.len() + self.sets.peak.len())
+    }
+
+    /// What is large for each bound.
+    fn scales(&self) -> Vec<f64> {
+        let demand = self.demand;
+        let [_, first, _] = self.offsets();
+        let mut out = vec![1.0; first];
+        for step in 0..demand.steps() {
+            for i in &self.sets.steps {
+                out.extend([step_bound(demand, self.goal, step, *i); 2]);
+            }
+        }
+        if let Some(times) = &demand.step_time {
+            for time in times {
+                for i in &self.sets.peak {
+                    out.extend([self.peak * time / demand.speed_weight[*i]; 2]);
+                }
+            }
+        }
+        out
     }
 
     /// First entry of the tool's bounds, of the steps and of the peak.
@@ -408,10 +446,10 @@ impl<'a> Linear<'a> {
     fn linearise_rows(&mut self) {
         let mut rows = std::mem::take(&mut self.rows);
         let this = &*self;
-        rows.par_iter_mut().enumerate().with_min_len(CHUNK).for_each_init(
-            || RowWork::new(this.demand),
-            |work, (k, row)| this.linearise_row(work, k, row),
-        );
+        rows.par_iter_mut()
+            .enumerate()
+            .with_min_len(CHUNK)
+            .for_each_init(|| RowWork::new(this.demand), |work, (k, row)| this.linearise_row(work, k, row));
         self.rows = rows;
     }
 
@@ -435,7 +473,7 @@ impl<'a> Linear<'a> {
         work.null.shortest(&work.c, &mut row.back);
         row.back.iter_mut().for_each(|d| *d = -*d);
         row.basis.copy_from_slice(&work.null.basis().as_slice()[..n * r]);
-        self.row_cost(work, k, q, row);
+        self.row_cost(&mut work.gradient, &mut work.hessian, k, q, row);
         row.stationary.copy_from_slice(&row.gradient);
         for (j, i) in sets.bounds.iter().enumerate() {
             let at = 2 * (k * sets.bounds.len() + j);
@@ -480,7 +518,7 @@ impl<'a> Linear<'a> {
     }
 
     /// Adds gradient and Hessian of a row's cost.
-    fn row_cost(&self, work: &mut RowWork, k: usize, q: &[f64], row: &mut Row) {
+    fn row_cost(&self, gradient: &mut [f64], hessian: &mut DMatrix<f64>, k: usize, q: &[f64], row: &mut Row) {
         let demand = self.demand;
         let weight = self.cost_weight * demand.row_share[k];
         if demand.limit_weight > 0.0 {
@@ -489,11 +527,11 @@ impl<'a> Linear<'a> {
         if let Some((factor, criterion)) = &demand.criterion
             && *factor != 0.0
         {
-            criterion.gradient(q, &mut work.gradient);
-            criterion.hessian(q, &mut work.hessian);
+            criterion.gradient(q, gradient);
+            criterion.hessian(q, hessian);
             let weight = weight * factor;
-            row.gradient.iter_mut().zip(&work.gradient).for_each(|(out, g)| *out += weight * g);
-            row.hessian.iter_mut().zip(work.hessian.as_slice()).for_each(|(out, h)| *out += weight * h);
+            row.gradient.iter_mut().zip(&*gradient).for_each(|(out, g)| *out += weight * g);
+            row.hessian.iter_mut().zip(hessian.as_slice()).for_each(|(out, h)| *out += weight * h);
         }
     }
 
@@ -515,12 +553,16 @@ impl<'a> Linear<'a> {
         let b = edge + with_peak;
         let mut out = Banded::new(inner, r, b);
         let given = |k: usize| demand.given(k).is_some();
-        out.diagonal.par_chunks_exact_mut((r * r).max(1)).enumerate().with_min_len(CHUNK).for_each(|(k, block)| {
-            reduce(&self.rows[k], n, r, given(k), self.stiffness, block);
-        });
-        out.below.par_chunks_exact_mut((r * r).max(1)).enumerate().with_min_len(CHUNK).for_each(|(k, block)| {
-            self.couple(k, k, k + 1, block, r);
-        });
+        out.diagonal.par_chunks_exact_mut((r * r).max(1)).enumerate().with_min_len(CHUNK).for_each(
+            |(k, block)| {
+                reduce(&self.rows[k], n, r, given(k), self.stiffness, block);
+            },
+        );
+        out.below.par_chunks_exact_mut((r * r).max(1)).enumerate().with_min_len(CHUNK).for_each(
+            |(k, block)| {
+                self.couple(k, k, k + 1, block, r);
+            },
+        );
         if cyclic {
             let last = inner;
             let mut block = vec![0.0; r * r];
@@ -916,9 +958,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-const _: fn(&Demand) -> bool = |demand| demand.objective == Objective::Length;
-const _: fn() -> (Pull, fn(&Demand) -> Puller<'_>) = || (Pull::EXACT, |demand| Puller::new(demand));
-
 /// Distance from a limit (rad or m, or share of half the range) within which it takes part.
 const NEAR_LIMIT: f64 = 0.3;
 const NEAR_RANGE: f64 = 0.2;
@@ -926,7 +965,7 @@ const NEAR_RANGE: f64 = 0.2;
 const NEAR_STEP: f64 = 0.6;
 /// Rows of one task of the pool.
 const CHUNK: usize = 32;
-/// Least slack of a start, rad or m (cone and spin in their own scale).
+/// Least slack of a start: rad or m, for cone and spin in their own scale, for steps as a share of the largest.
 const LEAST_SLACK: f64 = 1e-2;
 /// Miss of the equations (m, rad) that is left to the next iteration, and in the end.
 const RETRACTED: f64 = 1e-8;
