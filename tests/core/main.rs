@@ -7,6 +7,7 @@ mod allocations;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
+mod corrector;
 mod criterion;
 mod ik_descent;
 mod ik_solver;

@@ -19,7 +19,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{DVector, Vector6};
+use nalgebra::DVector;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -28,13 +28,12 @@ use super::closed_form::srs::SrsArm;
 use crate::chain::{Chain, JointKind};
 use crate::criterion::check_redundant;
 use crate::error::{Error, Result};
-use crate::kinematics::{NullSpace, Scratch, Task, TaskKind};
+use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::path::{Event, EventKind};
 use crate::pose::{Pose, check_pose};
 use crate::status::Status;
 use crate::tolerance::{
-    CLOSED_FORM_EXACT, CURVE_CONTAINS, KINEMATIC_SINGULARITY, TRACE_CLOSURE, TRACE_ONE_STEP, TRACE_SHORTEST,
-    TRACE_TURN,
+    CLOSED_FORM_EXACT, CURVE_CONTAINS, KINEMATIC_SINGULARITY, TRACE_CLOSURE, TRACE_SHORTEST, TRACE_TURN,
 };
 
 /// Settings of [`trace_self_motion`].
@@ -70,97 +69,13 @@ impl TraceSettings {
     }
 }
 
-/// Newton's method towards the configurations over one task value.
-#[derive(Debug, Clone)]
-pub(crate) struct Fibre {
-    chain: Chain,
-    task: Task,
-    target: Pose,
-    scratch: Scratch,
-    jacobian: Vec<f64>,
-    null: NullSpace,
-    step: Vec<f64>,
-}
-
-impl Fibre {
-    pub fn new(chain: &Chain, task: &Task, target: &Pose) -> Self {
-        let (n, m) = (chain.dof(), task.dim());
-        Self {
-            chain: chain.clone(),
-            task: *task,
-            target: *target,
-            scratch: Scratch::new(chain),
-            jacobian: vec![0.0; m * n],
-            null: NullSpace::new(m, n),
-            step: vec![0.0; n],
-        }
-    }
-
-    /// Factors J at `q` and returns the task error there.
-    #[inline]
-    fn linearise(&mut self, q: &[f64]) -> Vector6<f64> {
-        let kinematics = self.chain.kinematics_unchecked(q, &mut self.scratch);
-        self.task.write_jacobian(&kinematics, &mut self.jacobian);
-        self.null.factor(&self.jacobian);
-        self.task.error(&self.target, kinematics.pose()).coordinates
-    }
-
-    /// One Newton step of at most `reach`; its length before the bound.
-    #[inline]
-    fn newton(&mut self, q: &mut [f64], reach: f64) -> f64 {
-        let error = self.linearise(q);
-        self.null.shortest(error.as_slice(), &mut self.step);
-        let length = norm(&self.step);
-        let factor = if length > reach { reach / length } else { 1.0 };
-        for (q, d) in q.iter_mut().zip(&self.step) {
-            *q += factor * d;
-        }
-        length
-    }
-
-    /// Corrects `q`, which is near already: false when a correction exceeds `reach` or there is no convergence.
-    /// Afterwards the factors are those at a point within [`TRACE_ONE_STEP`] of `q`.
-    #[inline]
-    pub fn correct(&mut self, q: &mut [f64], reach: f64) -> bool {
-        const STEPS: usize = 6;
-        for _ in 0..STEPS {
-            let length = self.newton(q, reach);
-            if length <= TRACE_ONE_STEP {
-                return true;
-            }
-            if length.is_nan() || length > reach {
-                return false;
-            }
-        }
-        false
-    }
-
-    /// Brings any `q` to the task value: false where that fails.
-    pub fn reach(&mut self, q: &mut [f64]) -> bool {
-        const STEPS: usize = 80;
-        const LONGEST: f64 = 0.5;
-        (0..STEPS).any(|_| self.newton(q, LONGEST) <= TRACE_ONE_STEP) && self.null.pivot_ratio() > 0.0
-    }
-
-    /// Unit tangent at the last point, sign by `det [J; t] > 0`.
-    fn tangent(&self) -> &[f64] {
-        self.null.basis().as_slice()
-    }
-
-    /// Factors at exactly `q`.
-    pub fn tangent_at(&mut self, q: &[f64]) -> &[f64] {
-        self.linearise(q);
-        self.tangent()
-    }
-}
-
 /// A curve of configurations over one task value.
 ///
 /// Rows are joint configurations that change continuously along the curve: revolute joints are not wound back into
 /// their limits on the way. The parameter s is the length of the curve in joint space from the first row.
 #[derive(Debug, Clone)]
 pub struct SelfMotionCurve {
-    fibre: Fibre,
+    fibre: Corrector,
     s: Vec<f64>,
     q: Vec<f64>,
     tangents: Vec<f64>,
@@ -194,7 +109,7 @@ pub fn trace_self_motion(
     chain.check_q(q)?;
     settings.validate()?;
     check_one_freedom(chain, &task)?;
-    let fibre = Fibre::new(chain, &geometric(task), &chain.forward_unchecked(q));
+    let fibre = Corrector::new(chain, geometric(task), &chain.forward_unchecked(q))?;
     Ok(Tracer::new(fibre, *settings).curve(q))
 }
 
@@ -215,7 +130,7 @@ pub fn self_motion_curves(
     settings.validate()?;
     check_one_freedom(chain, &task)?;
     let task = geometric(task);
-    let fibre = Fibre::new(chain, &task, target);
+    let fibre = Corrector::new(chain, task, target)?;
     if task.kind() == TaskKind::Pose
         && let Ok(arm) = SrsArm::new(chain)
         && arm.defect().largest() <= CLOSED_FORM_EXACT
@@ -337,12 +252,12 @@ enum End {
 }
 
 struct Tracer {
-    fibre: Fibre,
+    fibre: Corrector,
     settings: TraceSettings,
 }
 
 impl Tracer {
-    fn new(fibre: Fibre, settings: TraceSettings) -> Self {
+    fn new(fibre: Corrector, settings: TraceSettings) -> Self {
         Self { fibre, settings }
     }
 
@@ -388,7 +303,7 @@ impl Tracer {
         let first: Vec<f64> = self.fibre.tangent_at(start).iter().map(|t| sense * t).collect();
         let (mut s, mut q, mut tangents) = (vec![0.0], start.to_vec(), first.clone());
         let (mut next, mut t, mut to_start) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        if self.fibre.null.pivot_ratio() < KINEMATIC_SINGULARITY {
+        if self.fibre.pivot_ratio() < KINEMATIC_SINGULARITY {
             return (s, q, tangents, End::Singular);
         }
         let mut h = self.settings.step;
@@ -424,7 +339,7 @@ impl Tracer {
             let length = arc(chord, turn);
             // Is the start on the way?
             if k > 0 {
-                short_way(&self.fibre.chain, here, start, &mut to_start);
+                short_way(self.fibre.chain(), here, start, &mut to_start);
                 let along = dot(&to_start, now);
                 if along > 0.0
                     && norm(&to_start) <= 2.0 * chord
@@ -437,7 +352,7 @@ impl Tracer {
                     for i in 0..n {
                         // Whole turns are added to the start itself, not to rounded differences.
                         let turns = ((here[i] + to_start[i] - start[i]) / TAU).round();
-                        to_start[i] = if self.fibre.chain.steps()[i].rotational {
+                        to_start[i] = if self.fibre.chain().steps()[i].rotational {
                             start[i] + TAU * turns
                         } else {
                             start[i]
@@ -489,10 +404,10 @@ impl Tracer {
 }
 
 /// A circle of the closed form as a curve: rows are added until neighbours are near and tangents turn little.
-fn from_branch(fibre: &Fibre, branch: &Branch<'_>, settings: &TraceSettings) -> SelfMotionCurve {
+fn from_branch(fibre: &Corrector, branch: &Branch<'_>, settings: &TraceSettings) -> SelfMotionCurve {
     const FIRST: usize = 64;
     const DEPTH: usize = 24;
-    let chain = &fibre.chain;
+    let chain = fibre.chain();
     // Unit tangent and configuration; windings are made continuous below.
     let point = |x: f64| -> Option<([f64; 7], [f64; 7])> {
         let (q, t) = (branch.q(x).ok()?, branch.tangent(x).ok()?);
@@ -573,19 +488,19 @@ impl SelfMotionCurve {
         }
         crate::error::check_vector("q", &q, s.len() * chain.dof())?;
         crate::error::check_vector("tangents", &tangents, s.len() * chain.dof())?;
-        let fibre = Fibre::new(chain, &geometric(task), target);
+        let fibre = Corrector::new(chain, geometric(task), target)?;
         let closed = status == Status::Converged;
         Ok(Self { fibre, s, q, tangents, closed, status, events: ends })
     }
 
     /// The task whose value is held.
     pub fn task(&self) -> &Task {
-        &self.fibre.task
+        self.fibre.task()
     }
 
     /// The pose whose task value is held.
     pub fn target(&self) -> &Pose {
-        &self.fibre.target
+        self.fibre.target()
     }
 
     /// Unit tangents row by row.
@@ -600,7 +515,7 @@ impl SelfMotionCurve {
 
     /// The chain.
     pub fn chain(&self) -> &Chain {
-        &self.fibre.chain
+        self.fibre.chain()
     }
 
     /// Number of rows.
@@ -681,7 +596,7 @@ impl SelfMotionCurve {
     }
 
     /// The point at `s` within the rows: between rows the cubic, corrected.
-    fn exact(&self, s: f64, fibre: &mut Fibre, out: &mut [f64]) {
+    fn exact(&self, s: f64, fibre: &mut Corrector, out: &mut [f64]) {
         let n = out.len();
         if self.rows() < 2 {
             out.copy_from_slice(&self.q[..n]);
@@ -704,14 +619,14 @@ impl SelfMotionCurve {
     }
 
     /// The point at `s` within the rows, corrected by `fibre`.
-    pub(crate) fn interpolate(&self, s: f64, fibre: &mut Fibre) -> Vec<f64> {
+    pub(crate) fn interpolate(&self, s: f64, fibre: &mut Corrector) -> Vec<f64> {
         let mut q = vec![0.0; self.chain().dof()];
         self.exact(s, fibre, &mut q);
         q
     }
 
     /// 1 where the tangent by `det [J; t] > 0` at the point `q` of parameter `s` runs along the curve, else -1.
-    pub(crate) fn sense(&self, s: f64, fibre: &mut Fibre, q: &[f64]) -> f64 {
+    pub(crate) fn sense(&self, s: f64, fibre: &mut Corrector, q: &[f64]) -> f64 {
         let k = self.s.partition_point(|x| *x <= s).clamp(1, self.rows()) - 1;
         dot(fibre.tangent_at(q), self.tangent_row(k)).signum()
     }
@@ -722,7 +637,7 @@ impl SelfMotionCurve {
         let mut d = vec![0.0; n];
         let mut nearest = (f64::INFINITY, 0);
         for (k, row) in self.q.chunks_exact(n).enumerate() {
-            short_way(&self.fibre.chain, row, q, &mut d);
+            short_way(self.fibre.chain(), row, q, &mut d);
             let distance = norm(&d);
             if distance < nearest.0 {
                 nearest = (distance, k);
@@ -738,13 +653,13 @@ impl SelfMotionCurve {
         let mut at = self.q_row(k).to_vec();
         let (mut fibre, length) = (self.fibre.clone(), self.length());
         for _ in 0..6 {
-            short_way(&self.fibre.chain, &at, q, &mut d);
+            short_way(self.fibre.chain(), &at, q, &mut d);
             let sign = dot(fibre.tangent_at(&at), self.tangent_row(k)).signum();
             let along = sign * dot(&d, fibre.tangent());
             s = if self.closed { (s + along).rem_euclid(length) } else { (s + along).clamp(0.0, length) };
             self.exact(s, &mut fibre, &mut at);
         }
-        short_way(&self.fibre.chain, &at, q, &mut d);
+        short_way(self.fibre.chain(), &at, q, &mut d);
         norm(&d) <= CURVE_CONTAINS
     }
 
@@ -892,9 +807,9 @@ pub fn self_motion_patch(
     if steps > 500 {
         return Err(Error::OutOfRange { what: "steps".into(), value: steps as f64, bound: "<= 500".into() });
     }
-    let mut fibre = Fibre::new(chain, &geometric(task), &chain.forward_unchecked(q));
+    let mut fibre = Corrector::new(chain, geometric(task), &chain.forward_unchecked(q))?;
     fibre.linearise(q);
-    let basis = fibre.null.basis().clone();
+    let basis = fibre.basis().clone();
     let start = DVector::from_column_slice(q);
     let side = 2 * steps + 1;
     let mut out: Vec<Option<Vec<f64>>> = vec![None; side * side];

@@ -5,12 +5,11 @@
 //! clear of singular configurations; a step of more than [`JOINT_JUMP`] ends it. With more joints than six the step is the
 //! shortest one.
 
-use nalgebra::{Cholesky, Matrix6, Matrix6xX, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::chain::{Chain, JointKind};
-use crate::kinematics::{Scratch, rotation_vector};
+use crate::kinematics::{Corrector, CorrectorSettings, StepBound, Task};
 use crate::pose::Pose;
 use crate::solutions::SphericalWristArm;
 use crate::solutions::{SrsArm, Swivel};
@@ -33,56 +32,22 @@ pub(crate) enum LineEnd {
     Jump,
 }
 
-/// Pose error as a twist: metres, then the rotation vector in world axes.
-fn twist(wanted: &Pose, at: &Pose) -> Vector6<f64> {
-    let p = wanted.translation.vector - at.translation.vector;
-    let r = rotation_vector(&(wanted.rotation * at.rotation.inverse()));
-    Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z)
-}
-
-/// `J^T (J J^T + damping^2)^-1 e`, added to `q`. False where that matrix is singular.
-fn step(jacobian: &Matrix6xX<f64>, error: &Vector6<f64>, damping: f64, q: &mut [f64], most: f64) -> bool {
-    let mut gram = Matrix6::from_diagonal_element(damping * damping);
-    for column in jacobian.column_iter() {
-        gram += column * column.transpose();
-    }
-    let Some(factor) = Cholesky::new(gram) else { return false };
-    let diagonal = factor.l_dirty().diagonal();
-    if damping == 0.0 && diagonal.min() < LINE_SINGULAR * diagonal.max() {
-        return false;
-    }
-    let y = factor.solve(error);
-    let largest = jacobian.column_iter().map(|c| c.dot(&y).abs()).fold(0.0, f64::max);
-    if !largest.is_finite() {
-        return false;
-    }
-    let scale = if largest > most { most / largest } else { 1.0 };
-    for (q, column) in q.iter_mut().zip(jacobian.column_iter()) {
-        *q += scale * column.dot(&y);
-    }
-    true
-}
-
-/// Moves `q` onto the pose; true when it meets it.
-pub(crate) fn meet(chain: &Chain, wanted: &Pose, q: &mut [f64], scratch: &mut Scratch) -> bool {
-    for _ in 0..NEWTON_STEPS {
-        let kinematics = chain.kinematics_unchecked(q, scratch);
-        let error = twist(wanted, kinematics.pose());
-        if !step(kinematics.jacobian(), &error, 0.0, q, JOINT_JUMP) {
-            return false;
-        }
-        // Quadratic convergence: after this step rounding is all that is left.
-        if error.amax() < LINE_RESIDUAL {
-            return true;
-        }
-    }
-    false
-}
+/// Newton's method from one point of a path to the next: quadratic convergence leaves rounding after the last step.
+const ALONG: CorrectorSettings = CorrectorSettings {
+    steps: NEWTON_STEPS,
+    bound: StepBound::Joint(JOINT_JUMP),
+    strict: false,
+    last_step: 0.0,
+    last_error: LINE_RESIDUAL,
+    singular: LINE_SINGULAR,
+    travel: f64::INFINITY,
+};
 
 /// The line from `start` over all poses, row by row; where it ends early, the point that it does not reach and why.
 pub(crate) fn follow(chain: &Chain, poses: &[Pose], start: &[f64]) -> Result<Vec<f64>, (usize, LineEnd)> {
     let n = chain.dof();
-    let mut scratch = Scratch::new(chain);
+    let first = poses.first().copied().unwrap_or_else(Pose::identity);
+    let Ok(mut corrector) = Corrector::new(chain, Task::POSE, &first) else { return Err((0, LineEnd::Lost)) };
     let mut line = vec![0.0; n * poses.len()];
     let mut q = start.to_vec();
     for (k, pose) in poses.iter().enumerate() {
@@ -91,7 +56,8 @@ pub(crate) fn follow(chain: &Chain, poses: &[Pose], start: &[f64]) -> Result<Vec
                 q[j] += line[(k - 1) * n + j] - line[(k - 2) * n + j];
             }
         }
-        if !meet(chain, pose, &mut q, &mut scratch) {
+        corrector.set_target(pose);
+        if !corrector.solve(&mut q, &ALONG) {
             return Err((k, LineEnd::Lost));
         }
         if k > 0 && (0..n).any(|j| (q[j] - line[(k - 1) * n + j]).abs() > JOINT_JUMP) {
@@ -144,8 +110,8 @@ pub(crate) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
     if let Ok(arm) = SphericalWristArm::new(chain) {
         return distinct(arm.solve(pose, false).into_iter().flatten().map(|q| q.to_vec()));
     }
+    let Ok(mut corrector) = Corrector::new(chain, Task::POSE, pose) else { return Vec::new() };
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let mut scratch = Scratch::new(chain);
     let draws = (0..START_DRAWS).filter_map(|_| {
         let mut q: Vec<f64> = (0..chain.dof())
             .map(|j| {
@@ -155,15 +121,11 @@ pub(crate) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
             })
             .collect();
         for _ in 0..START_STEPS {
-            let kinematics = chain.kinematics_unchecked(&q, &mut scratch);
-            let error = twist(pose, kinematics.pose());
-            let size = error.norm();
+            let size = corrector.evaluate(&q).iter().map(|e| e * e).sum::<f64>().sqrt();
             if size < START_NEAR {
-                return meet(chain, pose, &mut q, &mut scratch).then_some(q);
+                return corrector.solve(&mut q, &ALONG).then_some(q);
             }
-            if !step(kinematics.jacobian(), &error, 0.05 * size.min(1.0), &mut q, 0.5) {
-                return None;
-            }
+            corrector.damped_step(&mut q, 0.05 * size.min(1.0), StepBound::Joint(0.5));
         }
         None
     });

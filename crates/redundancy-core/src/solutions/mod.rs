@@ -13,10 +13,10 @@ mod solutions;
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
 pub use closed_form::srs::{BatchChoice, Branch, BranchInterval, Chart, Choice, SelfMotion, SrsArm, Swivel};
 pub use closed_form::{ClosedForm, Defect, closed_form};
-pub(crate) use continuation::{Fibre, geometric, random_configurations, short_way, wind};
 pub use continuation::{
     SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
 };
+pub(crate) use continuation::{geometric, random_configurations, short_way, wind};
 pub use solutions::{Solution, Solutions};
 pub(crate) use solutions::{check_margin, check_piece};
 
