@@ -240,9 +240,8 @@ impl PyPlan {
         let words: Vec<String> = arrays.get_item("verdict")?.call_method0("tolist")?.extract()?;
         let invalid = || to_py(Error::Invalid("these are not the parts of a plan".into()));
         let [word, reason, legal, proven] = words.as_slice() else { return Err(invalid()) };
-        let status = |word: &str| {
-            Status::ALL.into_iter().find(|status| status.as_str() == word).ok_or_else(invalid)
-        };
+        let status =
+            |word: &str| Status::ALL.into_iter().find(|status| status.as_str() == word).ok_or_else(invalid);
         let mut builder = PlanBuilder::new(trajectory, status(word)?).reason(reason.clone());
         if legal != "unknown" {
             builder = builder.legal(legal == "true");
@@ -302,8 +301,7 @@ impl PyPlan {
 
     fn __repr__(&self) -> String {
         let plan = &self.plan;
-        let reason =
-            if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
+        let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
         let cost = plan.cost().map_or(String::new(), |cost| format!(", cost {cost:.6}"));
         format!("Plan({} rows, {}{cost}{reason})", plan.rows(), plan.status())
     }
@@ -486,9 +484,9 @@ fn watched<T: Send>(
                 let share = watch.share();
                 let look = |py: Python<'_>| -> PyResult<()> {
                     let call = progress.as_ref().filter(|_| stopped.is_none() && reported != Some(share));
-                    let seen = py.check_signals().and_then(|()| {
-                        call.map_or(Ok(()), |call| call.call1(py, (share,)).map(drop))
-                    });
+                    let seen = py
+                        .check_signals()
+                        .and_then(|()| call.map_or(Ok(()), |call| call.call1(py, (share,)).map(drop)));
                     match seen {
                         Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
                             watch.cancel();

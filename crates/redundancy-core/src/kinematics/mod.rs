@@ -14,8 +14,8 @@ mod scratch;
 mod task;
 mod trigonometry;
 
-pub use freedom::{SpinFreedom, ToolFreedom};
 pub use corrector::{Corrector, CorrectorSettings, MOST_COORDINATES, StepBound};
+pub use freedom::{SpinFreedom, ToolFreedom};
 pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub(crate) use normal_equations::{factor, normal_matrix, solve};

@@ -51,6 +51,9 @@ pub(in super::super) struct Refined {
 /// Refines a line that meets the equations; `None` where a row is lost.
 pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -> Option<Refined> {
     let mut sets = screened(demand, &q, how.goal);
+    if demand.spare() == 0 {
+        return pinned(demand, q, how, sets);
+    }
     let mut start = q;
     let mut iterations = 0;
     for _ in 0..SCREENINGS {
@@ -63,6 +66,14 @@ pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -
         start = out.q;
     }
     None
+}
+
+/// A line without freedom: its rows to the last digit.
+fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement, sets: Sets) -> Option<Refined> {
+    let linear = Linear::new(demand, how.goal, sets, q)?;
+    let q = linear.exact()?;
+    let (cost, violation) = (demand.cost(&q), linear.violation(&q));
+    Some(Refined { q, cost, slope: 0.0, violation, iterations: 0, converged: true })
 }
 
 struct Interior<'a> {
