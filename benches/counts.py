@@ -119,7 +119,11 @@ def main() -> None:
     here = machine()
     if options.store:
         kept = {name: n for name, n in stored.get("kernels", {}).items() if name in known} | new
-        document = {"commit": commit(), **here, "kernels": {name: kept[name] for name in known if name in kept}}
+        document = {
+            "commit": commit(),
+            **here,
+            "kernels": {name: kept[name] for name in known if name in kept},
+        }
         options.against.write_text(json.dumps(document, indent=1) + "\n")
         print(f"{len(new)} kernels stored in {options.against}")
         return
