@@ -52,8 +52,10 @@ pub mod velocity;
 mod error;
 mod pose;
 mod status;
+mod watch;
 
 pub use error::{Error, Result};
 pub use nalgebra;
 pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
 pub use status::Status;
+pub use watch::{Deadline, Watch, WatchPart};

@@ -165,6 +165,10 @@ pub const FREE_SPEED: f64 = 1.0;
 /// is then within 1e-18 of the minimum.
 pub const SLOPE_ROUNDING: f64 = 1e-9;
 
+/// Deviation of a criterion, relative to 1 + its size, from the cubic through values and slopes of a part of a curve at
+/// which the part counts as resolved.
+pub const SCAN_RESOLVED: f64 = 1e-6;
+
 /// First step (rad) of the secant that polishes an optimum: the root of the gap that is left, divided by ten.
 pub const POLISH_STEP: f64 = 1e-6;
 
@@ -340,9 +344,16 @@ pub const TRACE_CLOSURE: f64 = 1e-2;
 /// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
 pub const CURVE_CONTAINS: f64 = 1e-8;
 
-/// Largest defect (m, rad) of an S-R-S arm whose closed form is taken for its self-motion: what is left is corrected
-/// in one Newton step.
-pub const SRS_EXACT: f64 = 1e-9;
+/// Distance of a joint from its limit (rad or m), and width of the bracket (length of the curve), at which the end of a
+/// feasible arc of a traced curve is found.
+pub const EDGE_FOUND: f64 = 1e-13;
+
+/// See [`EDGE_FOUND`]; the end that holds the limit is returned.
+pub const EDGE_WIDTH: f64 = 1e-11;
+
+/// Largest defect (m, rad) of an arm whose closed form counts as exact: what is left is rounding of the description, and
+/// is corrected in one Newton step.
+pub const CLOSED_FORM_EXACT: f64 = 1e-9;
 
 /// Slope of a criterion along the self-motion, relative to its gradient and curvature, up to which a configuration
 /// counts as critical: angles printed with four decimals of a degree (1.5e-6 rad from the critical point) pass.

@@ -1,7 +1,7 @@
 //! Primitive collision geometry of a URDF: spheres, cylinders, capsules and boxes of the links of a chain.
 
 #[cfg(feature = "urdf")]
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 #[cfg(feature = "urdf")]
 use std::path::Path;
 
@@ -119,20 +119,25 @@ impl Chain {
         })
     }
 
-    /// The link of the chain that a link of the document is or is fixed to, and its pose in it.
+    /// The link of the chain that a link of the document is or is fixed to, above or below it, and its pose in it.
     fn carrier(&self, tree: &Tree<'_, '_>, link: usize, version: Version) -> Result<Option<(usize, Pose)>> {
-        let (mut link, mut at) = (link, Pose::identity());
-        for _ in 0..=tree.links.len() {
+        // The pose of the link in the links fixed to it, nearest first; upwards before downwards.
+        let (mut open, mut known) = (VecDeque::from([(link, Pose::identity())]), HashSet::from([link]));
+        while let Some((link, at)) = open.pop_front() {
             let name = tree.links[link].0;
             if let Some(on) = self.links().iter().position(|known| known.name == name) {
                 return Ok(Some((on, at)));
             }
-            let Some(joint) = tree.above[link].map(|joint| &tree.joints[joint]) else { break };
-            if joint.kind != "fixed" {
-                break;
+            for joint in tree.above[link].iter().chain(&tree.below[link]) {
+                let joint = &tree.joints[*joint];
+                let upwards = joint.child == link;
+                let beyond = if upwards { joint.parent } else { joint.child };
+                if joint.kind != "fixed" || !known.insert(beyond) {
+                    continue;
+                }
+                let origin = origin(joint.node, &format!("joint '{}'", joint.name), version)?;
+                open.push_back((beyond, if upwards { origin * at } else { origin.inv_mul(&at) }));
             }
-            at = origin(joint.node, &format!("joint '{}'", joint.name), version)? * at;
-            link = joint.parent;
         }
         Ok(None)
     }

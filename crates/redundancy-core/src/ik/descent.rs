@@ -16,12 +16,11 @@
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use super::goal::shortest_turn;
 use super::newton::{End, Run};
 use super::sinusoid::{CostWeights, HalfAngle, Sinusoid};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
-use crate::kinematics::Scratch;
+use crate::kinematics::{PoseError, Scratch};
 use crate::pose::Pose;
 use crate::tolerance::{DESCENT_STALL, LINE_SEARCH_FALL};
 use std::f64::consts::{PI, TAU};
@@ -256,9 +255,8 @@ impl State<'_> {
 
     /// Distance and angle from the target.
     fn miss(&self) -> (f64, f64) {
-        let d = self.target.translation.vector - self.pose.translation.vector;
-        let (_, angle) = shortest_turn(self.pose.rotation.matrix(), self.target.rotation.matrix());
-        (d.norm(), angle)
+        let error = PoseError::between(&self.target, &self.pose);
+        (error.linear.norm(), error.angle)
     }
 
     fn cost(&self) -> f64 {

@@ -15,11 +15,10 @@ use super::classify::{Classification, Classifier, Kind};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, Stationarity};
 use crate::error::{Error, Result};
-use crate::kinematics::Task;
+use crate::kinematics::{Corrector, Task};
 use crate::pose::{Pose, check_pose};
 use crate::solutions::{
-    Fibre, SelfMotionCurve, TraceSettings, geometric, random_configurations, self_motion_curves, short_way,
-    wind,
+    SelfMotionCurve, TraceSettings, random_configurations, self_motion_curves, short_way, wind,
 };
 use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE, TRACE_ONE_STEP};
 
@@ -103,12 +102,12 @@ pub fn constrained_optima(
 }
 
 /// Newton's method on `[f(q) - x; mu(q)]`, x fixed.
-pub(super) struct Corrector {
+pub(super) struct CriticalNewton {
     error: Vector6<f64>,
     step: DVector<f64>,
 }
 
-impl Corrector {
+impl CriticalNewton {
     pub fn new(n: usize) -> Self {
         Self { error: Vector6::zeros(), step: DVector::zeros(n) }
     }
@@ -180,8 +179,8 @@ struct Search<'a> {
     chain: &'a Chain,
     target: &'a Pose,
     classifier: Classifier<'a>,
-    corrector: Corrector,
-    fibre: Fibre,
+    corrector: CriticalNewton,
+    fibre: Corrector,
     found: Vec<CriticalPoint>,
 }
 
@@ -201,8 +200,8 @@ impl<'a> Search<'a> {
             chain,
             target,
             classifier: Classifier::new(chain, criterion, task)?,
-            corrector: Corrector::new(chain.dof()),
-            fibre: Fibre::new(chain, &geometric(task), target),
+            corrector: CriticalNewton::new(chain.dof()),
+            fibre: Corrector::new(chain, task, target)?,
             found: Vec::new(),
         })
     }

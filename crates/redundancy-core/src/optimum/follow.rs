@@ -25,7 +25,7 @@
 use nalgebra::DVector;
 
 use super::classify::{Classifier, Kind};
-use super::critical_points::{Corrector, CriticalPoint, OptimaSettings, constrained_optima};
+use super::critical_points::{CriticalNewton, CriticalPoint, OptimaSettings, constrained_optima};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense};
 use crate::error::{Error, Result};
@@ -292,7 +292,7 @@ impl Point {
 struct Follower<'a> {
     path: &'a Path,
     classifier: Classifier<'a>,
-    corrector: Corrector,
+    corrector: CriticalNewton,
     bordered: NullSpace,
     matrix: Vec<f64>,
     rest: Vec<f64>,
@@ -317,7 +317,7 @@ impl<'a> Follower<'a> {
         Ok(Self {
             path,
             classifier,
-            corrector: Corrector::new(n),
+            corrector: CriticalNewton::new(n),
             bordered: NullSpace::new(n, n + 1),
             matrix: vec![0.0; n * (n + 1)],
             rest: vec![0.0; n],

@@ -30,6 +30,7 @@ mod bspline;
 mod files;
 #[allow(clippy::module_inception)]
 mod path;
+mod plan;
 mod shapes;
 mod spline;
 #[cfg(feature = "io")]
@@ -40,6 +41,7 @@ mod trajectory;
 
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
+pub use plan::{BlockedPoint, Pieces, Plan, PlanBuilder, Reconfiguration, SpareCoordinate};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
 pub use timed::{Reference, TimedPath};

@@ -26,11 +26,19 @@ pub enum EventKind {
     Reconfiguration,
     /// A joint met its position limit.
     JointLimit,
+    /// A limit or a barrier began to shape the motion.
+    LimitActive,
+    /// A limit or a barrier that shaped the motion no longer does.
+    LimitReleased,
+    /// The arm touches an obstacle or itself.
+    Contact,
+    /// A joint's velocity limit bounds the speed along the path.
+    SpeedBounded,
 }
 
 impl EventKind {
     /// Every kind, in declaration order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 12] = [
         Self::BasisChange,
         Self::Damping,
         Self::Limit,
@@ -39,6 +47,10 @@ impl EventKind {
         Self::AlgorithmicSingularity,
         Self::Reconfiguration,
         Self::JointLimit,
+        Self::LimitActive,
+        Self::LimitReleased,
+        Self::Contact,
+        Self::SpeedBounded,
     ];
 
     /// The kind as a word in lower snake case.
@@ -52,6 +64,10 @@ impl EventKind {
             Self::AlgorithmicSingularity => "algorithmic_singularity",
             Self::Reconfiguration => "reconfiguration",
             Self::JointLimit => "joint_limit",
+            Self::LimitActive => "limit_active",
+            Self::LimitReleased => "limit_released",
+            Self::Contact => "contact",
+            Self::SpeedBounded => "speed_bounded",
         }
     }
 }

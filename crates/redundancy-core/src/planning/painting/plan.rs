@@ -19,6 +19,7 @@
 //! References: [FromGravdahl2007], [FromGravdahl2009].
 
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -32,7 +33,7 @@ use crate::error::{Error, Result};
 use crate::parallel::prelude::*;
 use crate::path::{Event, Path, QuinticBasis, Trajectory};
 use crate::pose::Pose;
-use crate::solutions::lines;
+use crate::solutions::{ClosedForm, closed_form, lines};
 use crate::status::Status;
 use crate::timing::{SpeedLimit, SpeedSettings};
 use crate::tolerance::JOINT_JUMP;
@@ -291,6 +292,7 @@ struct Verified {
 
 struct Planner<'a, const N: usize, const M: usize> {
     chain: &'a Chain,
+    form: Option<Arc<dyn ClosedForm>>,
     path: &'a Path,
     curve: Curve,
     settings: &'a OrientationPlanSettings,
@@ -336,6 +338,7 @@ where
         let steps = std::sync::atomic::AtomicUsize::new(0);
         Ok(Self {
             chain,
+            form: closed_form(chain),
             path,
             curve,
             settings,
@@ -436,7 +439,7 @@ where
         }
         // Points that are out of reach with every orientation of a sparse set in the cone.
         let poses = self.plain_poses(self.path.s());
-        let mut blocked = lines::unreachable(self.chain, &poses);
+        let mut blocked = lines::unreachable(self.chain, self.form.as_deref(), &poses);
         for tilt in [0.5, 1.0] {
             for k in 0..8 {
                 if blocked.is_empty() {
@@ -451,7 +454,7 @@ where
                     }
                     let left: Vec<Pose> =
                         blocked.iter().map(|k| self.pose_at(self.path.s()[*k], [e[0], e[1], psi])).collect();
-                    let still = lines::unreachable(self.chain, &left);
+                    let still = lines::unreachable(self.chain, self.form.as_deref(), &left);
                     blocked = still.into_iter().map(|i| blocked[i]).collect();
                 }
             }
@@ -579,7 +582,7 @@ where
                     })
                     .collect();
                 let mut work = Workspace::new(self.chain);
-                lines::starts(self.chain, &poses[0])
+                lines::starts(self.chain, self.form.as_deref(), &poses[0])
                     .iter()
                     .filter_map(|start| self.start(grid, &three, &poses, start, &mut work))
                     .collect()

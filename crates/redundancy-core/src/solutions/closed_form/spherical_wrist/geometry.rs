@@ -46,6 +46,13 @@ pub(super) struct WristGeometry {
 }
 
 impl WristGeometry {
+    /// Direction of e at the value `q` of joint 1.
+    #[inline(always)]
+    pub fn first_direction(&self, q: f64) -> Complex {
+        let (sin, cos) = (self.sign[0] * (q - self.zero[0])).sin_cos();
+        complex(cos, sin)
+    }
+
     /// Reads the geometry off `chain`.
     ///
     /// # Errors

@@ -26,11 +26,12 @@ use wide::f64x4;
 
 use super::chart::{Chart, zero_direction};
 use super::circle::SelfMotion;
-use super::geometry::{Defect, Geometry, wrapped};
+use super::geometry::{Geometry, wrapped};
 use super::intervals::{Bound, bounds};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::pose::{Pose, check_pose};
+use crate::solutions::Defect;
 use crate::status::Status;
 use crate::tolerance::{EDGE_ROUNDING, GIMBAL_FORCE, GIMBAL_SINE, LIMIT_FORCE, LIMIT_SLACK, REACH_ROUNDING};
 

@@ -53,14 +53,20 @@ impl SelfMotion {
         }
     }
 
-    /// Why there is no configuration within the limits, with the number; empty when there is one.
+    /// Why there is no configuration within the limits, with the number, and why the verdict is not exact where it is not;
+    /// empty when there is one and the verdict is exact.
     pub fn reason(&self) -> String {
-        match self.status() {
+        let reason = match self.status() {
             Status::Unreachable => {
                 SrsArm::reach_reason(self.reach).map_or_else(String::new, |(_, text)| text)
             }
             Status::Limits => self.limits_reason(),
             _ => String::new(),
+        };
+        match self.not_proven() {
+            None => reason,
+            Some(why) if reason.is_empty() => why,
+            Some(why) => format!("{reason}; {why}"),
         }
     }
 

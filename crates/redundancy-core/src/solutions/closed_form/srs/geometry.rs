@@ -25,17 +25,8 @@ use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::Scratch;
 use crate::pose::Pose;
+use crate::solutions::Defect;
 use crate::tolerance::{REFERENCE_PARALLEL, SRS_ALIGNED, SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS};
-
-/// How far the arm is from the ideal S-R-S arm that stands in for it. What the closed form returns meets the
-/// pose within twice these numbers (and rounding).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Defect {
-    /// Metres at the tool.
-    pub position: f64,
-    /// Radians at the tool.
-    pub orientation: f64,
-}
 
 /// The ideal arm in the notation of the module.
 #[derive(Debug, Clone)]

@@ -7,13 +7,13 @@ mod circle;
 mod geometry;
 mod intervals;
 mod optimum;
+mod solutions;
 mod spherical;
 
 pub use arm::{SrsArm, Swivel};
 pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
-pub use geometry::Defect;
 pub use optimum::Choice;
 
 pub(crate) use arm::{opposite, principal, signs, within};

@@ -31,6 +31,7 @@ use super::geometry::wrapped;
 use super::spherical::{Range, Spherical, greater, lesser, sphericals};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
+use crate::solutions::ClosedForm;
 use crate::tolerance::{
     GIMBAL_PASSAGE, LIMIT_SLACK, OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING,
 };
@@ -46,6 +47,8 @@ pub struct Choice {
     pub branch: usize,
     /// The criterion there.
     pub value: f64,
+    /// Whether no configuration over the pose is better: false for the best of a finite search.
+    pub proven: bool,
 }
 
 /// Seven joints and a lane of padding: loops over it become whole vectors.
@@ -252,7 +255,10 @@ impl SelfMotion {
             }
         }
         search.polish();
-        search.best
+        // Where the swivel stays in a gimbal, how the outer joints share their sum is sampled.
+        let proven =
+            self.arm.exact() && !elbows.iter().flat_map(|elbow| &elbow.joints).any(|joint| joint.locked);
+        search.best.map(|best| Choice { proven, ..best })
     }
 
     /// Which of [`SelfMotion::elbows`] a branch belongs to.
@@ -342,7 +348,7 @@ impl SelfMotion {
             criterion.gradient(&q, &mut gradient);
             let slope = sign * gradient.iter().zip(&sample.rate).map(|(g, r)| g * r).sum::<f64>();
             if best.is_none_or(|b| value < b.value) {
-                best = Some(Choice { q, swivel: wrapped(s), branch, value });
+                best = Some(Choice { q, swivel: wrapped(s), branch, value, proven: false });
             }
             [value, slope]
         };
@@ -542,7 +548,7 @@ impl<'a> Search<'a> {
             value += 0.5 * weight[i] * (wound[i] - center[i]) * (wound[i] - center[i]);
         }
         if self.best.is_none_or(|b| value < b.value) {
-            self.best = Some(Choice { q: joints(&wound), swivel: wrapped(s), branch, value });
+            self.best = Some(Choice { q: joints(&wound), swivel: wrapped(s), branch, value, proven: false });
         }
         value
     }
