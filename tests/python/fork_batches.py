@@ -1,7 +1,7 @@
 """Batches in child processes: run by `test_fork.py` in a process of its own.
 
-Usage: fork_batches.py METHOD WHEN, with a method of `multiprocessing` or `os.fork`, and `idle`, `before` or `during`: whether
-the parent has run batches before, or runs one in another thread while the children are made. Prints `ok`.
+Usage: fork_batches.py METHOD WHEN, with a method of `multiprocessing` or `os.fork`, and `idle`, `before` or `during`:
+whether the parent has run batches before, or runs one in another thread while the children are made. Prints `ok`.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""Batches in child processes, also forked while the parent runs some: each case in a process of its own, under a watchdog."""
+"""Batches in child processes, also made while the parent runs one; each case in its own process with a watchdog."""
 
 import multiprocessing
 import subprocess
