@@ -4,13 +4,13 @@
 //! value in the middle; every sign change of the slope is then refined. That resolves every minimum that is wider than a
 //! part, and proves nothing. Closed forms that can prove their optimum do not come here.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use super::solutions::{Solution, Solutions};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
-use crate::solutions::{nearest_winding, within};
+use crate::joint_space::{TURN, nearest_within, within, wrap};
 use crate::status::Status;
 use crate::tolerance::{LIMIT_SLACK, SCAN_RESOLVED, SLOPE_ROUNDING};
 
@@ -121,7 +121,7 @@ pub(crate) fn hold_limits(chain: &Chain, springs: Option<&[JointSpring]>, q: &mu
             near.then(|| q.clamp(lower, upper))
         } else {
             match springs.map(|springs| springs[i]).filter(|spring| spring.weight > 0.0) {
-                Some(spring) => nearest_winding(*q, spring.center, lower, upper),
+                Some(spring) => nearest_within(*q, spring.center, lower, upper),
                 None => within(*q, lower, upper),
             }
         };
@@ -179,7 +179,7 @@ impl<'a> Objective<'a> {
 
 /// The parameter of a closed piece in `[-pi, pi)`.
 pub(crate) fn in_period(u: f64) -> f64 {
-    let wrapped = crate::rotation::wrap(u);
+    let wrapped = wrap(u);
     if wrapped >= PI { -PI } else { wrapped }
 }
 
@@ -327,7 +327,7 @@ impl<'a> Search<'a> {
         for _ in 0..WINDING_ROUNDS {
             let mut moved = false;
             for i in (0..best.q.len()).filter(|i| chain.steps()[*i].rotational) {
-                for turn in [TAU, -TAU] {
+                for turn in [TURN, -TURN] {
                     let wound = best.q[i] + turn;
                     if wound < chain.lower()[i] || wound > chain.upper()[i] {
                         continue;
