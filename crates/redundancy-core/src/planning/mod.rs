@@ -5,9 +5,10 @@ mod local;
 mod painting;
 mod swivel_plan;
 
+pub use layers::srs::settings::{SwivelChoice, SwivelPlanSettings};
 pub use local::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings, Track, TrackSettings, track};
 pub use painting::{
-    BarrierRule, OrientationPlan, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin,
-    SpinRange, Surface, plan_orientation, tool_down,
+    BarrierRule, Bottleneck, OrientationPlan, OrientationPlanSettings, OrientationRule, RuleKind, RuleSpin,
+    SpeedBound, SpinRange, Surface, plan_orientation, tool_down,
 };
-pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+pub use swivel_plan::plan_swivel;

@@ -7,5 +7,7 @@ mod program;
 mod rule;
 mod search;
 
-pub use plan::{OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation};
+pub use plan::{
+    Bottleneck, OrientationPlan, OrientationPlanSettings, SpeedBound, SpinRange, plan_orientation,
+};
 pub use rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
