@@ -204,7 +204,7 @@ fn settings_and_paths_are_checked() {
     assert!(error.to_string().contains("positions only"));
     let stopped = plan_swivel(&arm, &path, &default(), &Watch::default().with_observer(|_| false)).unwrap();
     assert_eq!((stopped.status(), stopped.rows()), (Status::Cancelled, 0));
-    let late = Watch::default().with_time_limit(0.0);
+    let late = Watch::default().with_time_limit(0.0).unwrap();
     assert_eq!(plan_swivel(&arm, &path, &default(), &late).unwrap().status(), Status::TimeLimit);
 }
 

@@ -8,6 +8,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::error::{Error, Result};
 use crate::status::Status;
 
 /// A time from which on work must end, counted from when it was made.
@@ -100,8 +101,9 @@ type Observer = Box<dyn Fn(&Watch) -> bool + Send + Sync>;
 /// let watch = Watch::default().with_observer(|watch| watch.share() < 0.5);
 /// let done = (0..10).take_while(|k| watch.report(f64::from(*k) / 10.0).is_ok()).count();
 /// assert_eq!((done, watch.share(), watch.interrupted()), (5, 0.5, Some(Interrupted::Cancelled)));
-/// let late = Watch::default().with_time_limit(0.0);
+/// let late = Watch::default().with_time_limit(0.0)?;
 /// assert_eq!(late.report(0.1), Err(Interrupted::TimeLimit { seconds: 0.0 }));
+/// # Ok::<(), redundancy_core::Error>(())
 /// ```
 #[derive(Default)]
 pub struct Watch {
@@ -114,11 +116,17 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// The same with a time limit of `seconds`, counted from now.
-    #[must_use]
-    pub fn with_time_limit(mut self, seconds: f64) -> Self {
+    /// The same with a time limit of `seconds`, counted from now; infinite is none.
+    ///
+    /// # Errors
+    /// A limit that is negative or no number.
+    pub fn with_time_limit(mut self, seconds: f64) -> Result<Self> {
+        if seconds.is_nan() || seconds < 0.0 {
+            let bound = ">= 0 s".into();
+            return Err(Error::OutOfRange { what: "time_limit".into(), value: seconds, bound });
+        }
         self.deadline = Deadline::after(seconds);
-        self
+        Ok(self)
     }
 
     /// The same with a function that is called at each report, on the thread that reports; `false` cancels.
@@ -167,7 +175,7 @@ impl Watch {
     ///
     /// # Errors
     /// The call must end now.
-    pub fn report(&self, share: f64) -> Result<(), Interrupted> {
+    pub fn report(&self, share: f64) -> std::result::Result<(), Interrupted> {
         if share > 0.0 {
             self.share.fetch_max(share.min(1.0).to_bits(), Ordering::Relaxed);
         }
@@ -215,7 +223,7 @@ impl WatchPart<'_> {
     ///
     /// # Errors
     /// The call must end now.
-    pub fn report(&self, share: f64) -> Result<(), Interrupted> {
+    pub fn report(&self, share: f64) -> std::result::Result<(), Interrupted> {
         self.watch.report(self.from + (self.to - self.from) * share.clamp(0.0, 1.0))
     }
 
@@ -250,12 +258,13 @@ mod tests {
 
     #[test]
     fn a_cancelled_call_says_so_before_a_late_one() {
-        let watch = Watch::default().with_time_limit(0.0);
+        let watch = Watch::default().with_time_limit(0.0).unwrap();
         std::hint::black_box((0..1000).sum::<u64>());
         assert_eq!(watch.interrupted().map(Interrupted::status), Some(Status::TimeLimit));
         watch.cancel();
         assert_eq!(watch.report(0.5), Err(Interrupted::Cancelled));
         assert_eq!(watch.interrupted().map(Interrupted::status), Some(Status::Cancelled));
-        assert_eq!(Watch::default().with_time_limit(f64::INFINITY).interrupted(), None);
+        assert_eq!(Watch::default().with_time_limit(f64::INFINITY).unwrap().interrupted(), None);
+        assert!(Watch::default().with_time_limit(f64::NAN).is_err());
     }
 }

@@ -12,6 +12,7 @@ mod ik;
 mod optimum;
 mod orientation_plan;
 mod path;
+mod plan;
 mod planning;
 mod rotation;
 mod scene;
@@ -20,6 +21,7 @@ mod speed;
 mod status;
 mod task;
 mod velocity;
+mod watch;
 
 #[pymodule]
 mod _core {
@@ -47,6 +49,8 @@ mod _core {
     };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
+    #[pymodule_export]
+    use plan::PyPlan;
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

@@ -75,8 +75,8 @@ impl TrackSettings {
 /// Most steps of one run: ten million rows are a gigabyte.
 const MOST_STEPS: f64 = 1e7;
 
-/// Steps between two reports of the progress.
-const REPORT_ROWS: usize = 1_000;
+/// Steps between two reports of the progress: some milliseconds.
+const REPORT_ROWS: usize = 4_096;
 
 /// What became of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -262,7 +262,7 @@ impl Run {
             let (t, far) = (self.t.get(row)?, value > tolerance);
             far.then(|| {
                 format!(
-                    "the largest {what} error is {value:.3e} {unit} at row {row} (t = {t:.3} s), at most {tolerance:e} \
+                    "the largest {what} error is {value:.3e} {unit} at row {row} (t = {t:.3} s), at most {tolerance} \
                      {unit} is on the path"
                 )
             })

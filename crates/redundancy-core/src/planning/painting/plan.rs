@@ -393,7 +393,8 @@ where
     }
 
     fn none(&self, status: Status, reason: String, blocked: Vec<BlockedPoint>) -> Result<OrientationPlan> {
-        let plan = PlanBuilder::without_rows(self.joint_names(), status)?;
+        let (plan, none) = (PlanBuilder::without_rows(self.joint_names(), status)?, Vec::new);
+        let plan = plan.s(none()).poses(Vec::new()).tilt(Vec::new()).spin(none()).margin(none());
         Ok(OrientationPlan {
             plan: plan.reason(reason).blocked(blocked).build()?,
             speed: 0.0,
