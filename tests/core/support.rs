@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use redundancy_core::Pose;
-use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits};
+use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits, MissingLimits};
 use redundancy_core::nalgebra::{Rotation3, Translation3, Unit, Vector3};
 use redundancy_core::path::Plan;
 
@@ -136,4 +136,11 @@ pub fn rows(plan: &Plan) -> &[[f64; 7]] {
 /// The swivel of each row of a plan.
 pub fn swivel(plan: &Plan) -> &[f64] {
     plan.spare_named("swivel").unwrap()
+}
+
+/// An arm of `tests/data/arms`, from PyPI's example-robot-data (see the PROVENANCE there).
+pub fn urdf_arm(name: &str, base: &str, tip: &str) -> Chain {
+    let path = format!("{}/../../tests/data/arms/{name}.urdf", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    Chain::from_urdf_string(&text, Some(base), Some(tip), MissingLimits::Refuse).unwrap()
 }

@@ -14,15 +14,23 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`;
-//! the root files status, error, tolerance and watch are left of everything.
+//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`;
+//! the root files status, error, tolerance, watch and parallel are left of everything.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
+
+// Helpers of a feature stay in without it; the build with all features finds what nothing needs.
+#![cfg_attr(
+    not(all(feature = "urdf", feature = "io", feature = "parallel", feature = "plan", feature = "mesh")),
+    allow(dead_code, unused_imports)
+)]
 
 pub mod chain;
 pub mod criterion;
 pub mod ik;
+pub mod joint_space;
 pub mod kinematics;
 pub mod optimum;
+pub mod parallel;
 pub mod path;
 pub mod planning;
 pub mod rotation;

@@ -16,8 +16,8 @@ use crate::chain::PyChain;
 use crate::convert::{read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
-use crate::plan::{PyPlan, parts as plan_parts, plan_from};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::status::kind_to_py;
 use crate::task::{read_target, read_task};
 
@@ -313,7 +313,7 @@ type FollowedParts = (String, Vec<f64>, Vec<f64>, Vec<f64>, Option<(f64, Vec<f64
 
 impl PyFollowedOptimum {
     fn new_bound(py: Python<'_>, followed: FollowedOptimum, plan: Plan) -> PyResult<Bound<'_, Self>> {
-        Bound::new(py, PyPlan::initializer(plan).add_subclass(Self { followed }))
+        Bound::new(py, plan_initializer(plan).add_subclass(Self { followed }))
     }
 }
 
@@ -369,22 +369,18 @@ impl PyFollowedOptimum {
 
     fn __reduce__<'py>(
         this: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyTrajectory>, Bound<'py, PyDict>, FollowedParts))> {
-        let (rows, columns) = plan_parts(this.as_super())?;
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>, FollowedParts))> {
+        let arrays = PyPlan::everything(this.as_super())?;
         let FollowedOptimum { kind, values, sigma_min, eigenvalues, stop, .. } = &this.get().followed;
         let stop = stop.as_ref().map(|stop| (stop.s, stop.q.clone()));
         let parts = (kind.to_string(), values.clone(), sigma_min.clone(), eigenvalues.clone(), stop);
-        Ok((this.get_type().getattr("_from_parts")?, (rows, columns, parts)))
+        Ok((this.get_type().getattr("_from_parts")?, (arrays, parts)))
     }
 
     /// Inverse of pickling.
     #[staticmethod]
-    fn _from_parts<'py>(
-        trajectory: &Bound<'py, PyTrajectory>,
-        columns: &Bound<'py, PyDict>,
-        parts: FollowedParts,
-    ) -> PyResult<Bound<'py, Self>> {
-        let plan = plan_from(trajectory.get().trajectory.clone(), columns)?;
+    fn _from_parts<'py>(arrays: &Bound<'py, PyAny>, parts: FollowedParts) -> PyResult<Bound<'py, Self>> {
+        let plan = plan_of(arrays)?;
         let (word, values, sigma_min, eigenvalues, stop) = parts;
         let stop = stop.zip(plan.trajectory().events().last()).map(|((s, q), event)| Stop {
             kind: event.kind,
@@ -394,7 +390,7 @@ impl PyFollowedOptimum {
         });
         let (kind, q) = (word.parse().map_err(to_py)?, plan.q().to_vec());
         let followed = FollowedOptimum { kind, q, values, sigma_min, eigenvalues, stop };
-        Self::new_bound(trajectory.py(), followed, plan)
+        Self::new_bound(arrays.py(), followed, plan)
     }
 }
 

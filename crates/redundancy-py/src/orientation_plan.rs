@@ -1,8 +1,5 @@
 //! Tilt and spin along a whole path.
 
-use std::time::Duration;
-
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use redundancy_core::planning::{
@@ -13,12 +10,10 @@ use redundancy_core::{Error, Watch};
 use crate::chain::{PyChain, STANDARD_GRAVITY};
 use crate::convert::to_array;
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
-use crate::plan::{PyPlan, parts, plan_from};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::speed::{JointLimits, read_rotation, read_task};
-
-/// How often a running plan is looked at.
-const LOOK: Duration = Duration::from_millis(50);
+use crate::watch::watched_aside;
 
 /// A plan at constant tool speed with the orientation of each row.
 #[pyclass(name = "OrientationPlan", module = "redundancy", frozen, extends = PyPlan)]
@@ -34,7 +29,7 @@ pub struct PyOrientationPlan {
 /// The numbers beside the columns that make it again: row, joint and whether its velocity is the bottleneck; starts,
 /// steps.
 type Counts = (Option<(usize, Option<usize>, bool)>, usize, usize);
-type Parts<'py> = (Bound<'py, PyTrajectory>, Bound<'py, PyDict>, (f64, Option<f64>, Vec<f64>), Counts);
+type Parts<'py> = (Bound<'py, PyDict>, (f64, Option<f64>, Vec<f64>), Counts);
 
 #[pymethods]
 impl PyOrientationPlan {
@@ -107,23 +102,22 @@ impl PyOrientationPlan {
 
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         let own = this.get();
-        let (rows, columns) = parts(this.as_super())?;
+        let arrays = PyPlan::everything(this.as_super())?;
         let velocity = own.limit() == "velocity";
         let bottleneck = own.bottleneck.map(|at| (at.row, at.bound.joint(), velocity));
         let speeds = (own.speed, own.constant_speed, own.torques.clone());
-        let parts = (rows, columns, speeds, (bottleneck, own.starts, own.steps));
+        let parts = (arrays, speeds, (bottleneck, own.starts, own.steps));
         Ok((this.get_type().getattr("_from_parts")?, parts))
     }
 
     /// Inverse of pickling.
     #[staticmethod]
     fn _from_parts<'py>(
-        rows: &Bound<'py, PyTrajectory>,
-        columns: &Bound<'py, PyDict>,
+        arrays: &Bound<'py, PyAny>,
         speeds: (f64, Option<f64>, Vec<f64>),
         counts: Counts,
     ) -> PyResult<Bound<'py, Self>> {
-        let plan = plan_from(rows.get().trajectory.clone(), columns)?;
+        let plan = plan_of(arrays)?;
         let ((speed, constant_speed, torques), (bottleneck, starts, steps)) = (speeds, counts);
         let bottleneck = bottleneck.map(|(row, joint, velocity)| {
             let bound = match joint {
@@ -134,14 +128,14 @@ impl PyOrientationPlan {
             Bottleneck { row, bound }
         });
         let plan = OrientationPlan { plan, speed, constant_speed, torques, bottleneck, starts, steps };
-        wrapped(rows.py(), plan)
+        wrapped(arrays.py(), plan)
     }
 }
 
 fn wrapped(py: Python<'_>, plan: OrientationPlan) -> PyResult<Bound<'_, PyOrientationPlan>> {
     let OrientationPlan { plan, speed, constant_speed, torques, bottleneck, starts, steps } = plan;
     let own = PyOrientationPlan { speed, constant_speed, torques, bottleneck, starts, steps };
-    Bound::new(py, PyPlan::initializer(plan).add_subclass(own))
+    Bound::new(py, plan_initializer(plan).add_subclass(own))
 }
 
 /// `"free"` or the largest angle.
@@ -192,44 +186,10 @@ pub fn py_plan_orientation<'py>(
     let settings = OrientationPlanSettings { half_angle, spin, speed, torque_margin, max_rate, time_limit };
     let pool = crate::batch::pool(threads)?;
     let watch = Watch::default();
-    let mut stopped: Option<PyErr> = None;
-    let plan = py.detach(|| {
-        std::thread::scope(|scope| {
-            let work = || plan_orientation(&chain, &path, &settings, &watch);
-            let pool = &pool;
-            let running = scope.spawn(move || match pool {
-                Some(pool) => pool.install(work),
-                None => work(),
-            });
-            while !running.is_finished() {
-                std::thread::park_timeout(LOOK);
-                let look = |py: Python<'_>| -> PyResult<()> {
-                    let call = progress.as_ref().filter(|_| stopped.is_none());
-                    let seen = py.check_signals().and_then(|()| {
-                        let seen = (watch.share(), watch.speed().unwrap_or(0.0));
-                        call.map_or(Ok(()), |call| call.call1(py, seen).map(drop))
-                    });
-                    // Ctrl-C: the best plan so far is the answer, and says so.
-                    match seen {
-                        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
-                            watch.cancel();
-                            Ok(())
-                        }
-                        other => other,
-                    }
-                };
-                if let Err(error) = Python::attach(look) {
-                    watch.cancel();
-                    stopped = Some(error);
-                }
-            }
-            running.join()
-        })
-    });
-    if let Some(error) = stopped {
-        return Err(error);
-    }
-    let plan =
-        plan.map_err(|_| to_py(Error::Invalid("the planner stopped unexpectedly".into())))?.map_err(to_py)?;
-    wrapped(py, plan)
+    let report = |py: Python<'_>| {
+        let seen = (watch.share(), watch.speed().unwrap_or(0.0));
+        progress.as_ref().map_or(Ok(()), |call| call.call1(py, seen).map(drop))
+    };
+    let work = || plan_orientation(&chain, &path, &settings, &watch);
+    wrapped(py, watched_aside(py, &watch, &pool, report, work)?)
 }

@@ -423,6 +423,26 @@ impl From<Trajectory> for PyTrajectory {
     }
 }
 
+impl PyTrajectory {
+    /// Everything as named arrays.
+    pub fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let arrays = PyDict::new(py);
+        let events = self.trajectory.events();
+        let strings =
+            |words: Vec<&str>| py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U")));
+        arrays.set_item("joint_names", strings(self.joint_names())?)?;
+        arrays.set_item("t", self.t(py))?;
+        arrays.set_item("q", self.q(py)?)?;
+        arrays.set_item("qd", self.qd(py)?)?;
+        arrays.set_item("event_kind", strings(events.iter().map(|e| e.kind.as_str()).collect())?)?;
+        arrays.set_item("event_index", PyArray1::from_iter(py, events.iter().map(|e| e.index as i64)))?;
+        arrays.set_item("event_t", PyArray1::from_iter(py, events.iter().map(|e| e.t)))?;
+        arrays.set_item("event_s", PyArray1::from_iter(py, events.iter().map(|e| e.s)))?;
+        arrays.set_item("event_message", strings(events.iter().map(|e| e.message.as_str()).collect())?)?;
+        Ok(arrays)
+    }
+}
+
 #[pymethods]
 impl PyTrajectory {
     #[new]
@@ -457,8 +477,10 @@ impl PyTrajectory {
     /// Reads an npz file.
     #[staticmethod]
     fn from_npz(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let trajectory = read_npz(py, &path, |trajectory, _| Ok(trajectory));
-        trajectory.map(Self::from).map_err(|error| file_error(&path, &error))
+        read_npz(py, &path).map_err(|error| {
+            let (file, message) = (path.display().to_string(), error.to_string());
+            to_py(Error::File { file, message })
+        })
     }
 
     /// Writes a CSV file.
@@ -526,40 +548,6 @@ impl PyTrajectory {
     }
 }
 
-impl PyTrajectory {
-    /// The arrays of an npz file.
-    pub fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let arrays = PyDict::new(py);
-        let events = self.trajectory.events();
-        arrays.set_item("joint_names", strings(py, &self.joint_names())?)?;
-        arrays.set_item("t", self.t(py))?;
-        arrays.set_item("q", self.q(py)?)?;
-        arrays.set_item("qd", self.qd(py)?)?;
-        arrays.set_item(
-            "event_kind",
-            strings(py, &events.iter().map(|e| e.kind.as_str()).collect::<Vec<_>>())?,
-        )?;
-        arrays.set_item("event_index", PyArray1::from_iter(py, events.iter().map(|e| e.index as i64)))?;
-        arrays.set_item("event_t", PyArray1::from_iter(py, events.iter().map(|e| e.t)))?;
-        arrays.set_item("event_s", PyArray1::from_iter(py, events.iter().map(|e| e.s)))?;
-        arrays.set_item(
-            "event_message",
-            strings(py, &events.iter().map(|e| e.message.as_str()).collect::<Vec<_>>())?,
-        )?;
-        Ok(arrays)
-    }
-}
-
-/// An array of words.
-pub fn strings<'py>(py: Python<'py>, words: &[&str]) -> PyResult<Bound<'py, PyAny>> {
-    py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U")))
-}
-
-/// What is wrong with a file.
-pub fn file_error(path: &std::path::Path, error: &PyErr) -> PyErr {
-    to_py(Error::File { file: path.display().to_string(), message: error.to_string() })
-}
-
 /// `(N, n)` joint rows, flattened.
 pub fn read_joint_rows(object: &Bound<'_, PyAny>, what: &str, n: usize) -> PyResult<Vec<f64>> {
     let rows = read_rows(object, what, &[n])?;
@@ -569,19 +557,16 @@ pub fn read_joint_rows(object: &Bound<'_, PyAny>, what: &str, n: usize) -> PyRes
     }
 }
 
-/// What `make` makes of the trajectory in an npz file and of the rest of the file.
-pub fn read_npz<'py, T>(
-    py: Python<'py>,
-    path: &std::path::Path,
-    make: impl FnOnce(Trajectory, &Bound<'py, PyAny>) -> PyResult<T>,
-) -> PyResult<T> {
+fn read_npz(py: Python<'_>, path: &std::path::Path) -> PyResult<PyTrajectory> {
     let file = py.import("numpy")?.getattr("load")?.call1((path,))?;
-    let result = read_trajectory(py, &file).and_then(|rows| make(rows.trajectory, &file));
+    let result = read_arrays(&file);
     file.call_method0("close")?;
     result
 }
 
-fn read_trajectory(py: Python<'_>, file: &Bound<'_, PyAny>) -> PyResult<PyTrajectory> {
+/// What [`PyTrajectory::arrays`] made.
+pub fn read_arrays(file: &Bound<'_, PyAny>) -> PyResult<PyTrajectory> {
+    let py = file.py();
     let names: Vec<String> = file.get_item("joint_names")?.call_method0("tolist")?.extract()?;
     let column = |name: &str| file.get_item(name)?.call_method0("tolist");
     let kinds: Vec<String> = column("event_kind")?.extract()?;

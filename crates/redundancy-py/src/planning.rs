@@ -12,8 +12,8 @@ use redundancy_core::{Error, Watch};
 
 use crate::convert::{Integer, read_pose, read_vector, to_array};
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
-use crate::plan::{PyPlan, plan_from};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::scene::PyScene;
 use crate::self_motion::{PySrsArm, signs_of};
 use crate::watch::watched;
@@ -46,11 +46,8 @@ impl PySwivelPlan {
 
     /// Inverse of pickling.
     #[staticmethod]
-    fn _from_columns<'py>(
-        rows: &Bound<'py, PyTrajectory>,
-        columns: &Bound<'py, PyDict>,
-    ) -> PyResult<Bound<'py, Self>> {
-        swivel_plan(rows.py(), plan_from(rows.get().trajectory.clone(), columns)?)
+    fn _from_arrays<'py>(arrays: &Bound<'py, PyAny>) -> PyResult<Bound<'py, Self>> {
+        swivel_plan(arrays.py(), plan_of(arrays)?)
     }
 }
 
@@ -60,7 +57,7 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
     if plan.trajectory().dof() != 7 || !swivels || !branches {
         return Err(to_py(Error::Invalid("these are not the parts of a pickled SwivelPlan".into())));
     }
-    Bound::new(py, PyPlan::initializer(plan).add_subclass(PySwivelPlan))
+    Bound::new(py, plan_initializer(plan).add_subclass(PySwivelPlan))
 }
 
 /// Plans the swivel along a whole path.

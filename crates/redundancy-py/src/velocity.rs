@@ -4,7 +4,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyTuple, PyType};
 use redundancy_core::Error;
 use redundancy_core::Status;
 use redundancy_core::kinematics::Task;
@@ -18,8 +18,8 @@ use crate::chain::PyChain;
 use crate::convert::read_vector;
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
-use crate::plan::{PyPlan, parts, plan_from};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::status::status_to_py;
 use crate::task::{PyTask, read_task};
 use crate::watch::watched;
@@ -524,22 +524,21 @@ impl PyTrack {
     }
 
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (own, (rows, columns)) = (this.get(), parts(this.as_super())?);
-        let arguments = (rows, columns, own.position_error, own.orientation_error);
+        let (own, arrays) = (this.get(), PyPlan::everything(this.as_super())?);
+        let arguments = (arrays, own.position_error, own.orientation_error);
         Ok((this.get_type().getattr("_make")?, arguments.into_pyobject(this.py())?))
     }
 
     /// Inverse of pickling.
     #[staticmethod]
     fn _make<'py>(
-        rows: &Bound<'py, PyTrajectory>,
-        columns: &Bound<'py, PyDict>,
+        arrays: &Bound<'py, PyAny>,
         position_error: f64,
         orientation_error: f64,
     ) -> PyResult<Bound<'py, Self>> {
-        let plan = plan_from(rows.get().trajectory.clone(), columns)?;
+        let plan = plan_of(arrays)?;
         let track = Self { position_error, orientation_error };
-        Bound::new(rows.py(), PyPlan::initializer(plan).add_subclass(track))
+        Bound::new(arrays.py(), plan_initializer(plan).add_subclass(track))
     }
 }
 
@@ -573,5 +572,5 @@ pub fn py_track<'py>(
     let done = watched(py, progress, time_limit, |watch| track(&*resolver, path, &q0, &settings, watch))?;
     let Track { plan, position_error, orientation_error } = done;
     let track = PyTrack { position_error, orientation_error };
-    Bound::new(py, PyPlan::initializer(plan).add_subclass(track))
+    Bound::new(py, plan_initializer(plan).add_subclass(track))
 }

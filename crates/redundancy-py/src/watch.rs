@@ -1,9 +1,12 @@
-//! Long calls on one thread: progress, time limit, Ctrl-C.
+//! Long calls: progress, time limit, Ctrl-C.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use redundancy_core::Watch;
+use redundancy_core::parallel::Pool;
+use redundancy_core::{Error, Watch};
 
 use crate::error::to_py;
 
@@ -40,5 +43,57 @@ pub fn watched<T: Send>(
     match stopped {
         Some(error) => Err(error),
         None => done.map_err(to_py),
+    }
+}
+
+/// How often a call on other threads is looked at.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Runs `work` in a pool without the GIL, beside which `report` is called from time to time. Ctrl-C cancels the call, and
+/// its best result so far is the answer.
+///
+/// # Errors
+/// What `report` raises, which cancels the call too; an error of `work`.
+pub fn watched_aside<T: Send>(
+    py: Python<'_>,
+    watch: &Watch,
+    pool: &Pool,
+    mut report: impl FnMut(Python<'_>) -> PyResult<()> + Send,
+    work: impl FnOnce() -> redundancy_core::Result<T> + Send,
+) -> PyResult<T> {
+    let mut stopped: Option<PyErr> = None;
+    let done = py.detach(|| {
+        std::thread::scope(|scope| {
+            let caller = std::thread::current();
+            let running = scope.spawn(move || {
+                let done = pool.install(work);
+                caller.unpark();
+                done
+            });
+            while !running.is_finished() {
+                std::thread::park_timeout(LOOK);
+                let quiet = stopped.is_some();
+                let look = |py: Python<'_>| match py.check_signals() {
+                    Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
+                        watch.cancel();
+                        Ok(())
+                    }
+                    Ok(()) if quiet => Ok(()),
+                    Ok(()) => report(py),
+                    error => error,
+                };
+                if let Err(error) = Python::attach(look) {
+                    watch.cancel();
+                    stopped = Some(error);
+                }
+            }
+            running.join()
+        })
+    });
+    match stopped {
+        Some(error) => Err(error),
+        None => {
+            done.map_err(|_| to_py(Error::Invalid("the planner stopped unexpectedly".into())))?.map_err(to_py)
+        }
     }
 }

@@ -20,16 +20,14 @@
 //!
 //! Cost: linear in points and swivels; the circle of each point is computed once, for all branches.
 
-use std::f64::consts::TAU;
-
-use rayon::prelude::*;
-
 use super::layers::srs::explain::Outcome;
 use super::layers::srs::problem::Problem;
 use super::layers::srs::search::Grid;
 use super::layers::srs::settings::{SwivelChoice, SwivelPlanSettings};
 use crate::error::{Error, Result};
+use crate::joint_space::TURN;
 use crate::kinematics::rotation_vector;
+use crate::parallel::prelude::*;
 use crate::path::{Path, Plan};
 use crate::pose::Pose;
 use crate::solutions::{SelfMotion, SrsArm};
@@ -138,5 +136,5 @@ const THIN_POINTS: usize = 240;
 const LAST_SWIVELS: usize = 720;
 const LAST_REACH: f64 = 1.3;
 /// How far the swivel may turn in a step: this much (rad), and this much of the path's share.
-const STEP_REACH: f64 = TAU / 45.0;
+const STEP_REACH: f64 = TURN / 45.0;
 const PATH_REACH: f64 = 14.0;

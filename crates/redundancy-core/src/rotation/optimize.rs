@@ -42,10 +42,10 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Matrix3, Quaternion, SymmetricEigen, Unit, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use crate::Status;
 use crate::error::{Error, Result, check_finite};
+use crate::parallel::prelude::*;
 use crate::rotation::arc::{TwoCones, on_arc};
 use crate::rotation::barrier::{self, Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Spin, unpack};

@@ -1,14 +1,12 @@
 //! What became of a plan of the swivel, and why: points without a configuration, limits, reconfigurations.
 
-use std::f64::consts::TAU;
-
-use rayon::prelude::*;
-
 use super::problem::{Line, Problem};
 use super::settings::SwivelChoice;
 use crate::chain::Chain;
 use crate::error::Result;
+use crate::joint_space::{nearest, nearest_all, outside};
 use crate::kinematics::Scratch;
+use crate::parallel::prelude::*;
 use crate::path::{
     BlockedPoint, Event, EventKind, Path, Plan, PlanBuilder, Reconfiguration, TimingSettings, Trajectory,
     times_within_limits,
@@ -236,10 +234,7 @@ impl Problem<'_> {
         for s in self.grid(k) {
             let all = self.circles[k].all_branches(s);
             for b in &self.branches {
-                let misses = (0..7).map(|i| {
-                    let above = all[*b][i] + TAU * ((self.lower[i] - all[*b][i]) / TAU).ceil();
-                    (above - self.upper[i]).max(0.0).min(self.lower[i] - above + TAU)
-                });
+                let misses = (0..7).map(|i| outside(all[*b][i], self.lower[i], self.upper[i]));
                 if let Some((i, miss)) = misses.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
                     && miss < best.0
                 {
@@ -256,7 +251,7 @@ impl Problem<'_> {
         let all = self.circles[k].all_branches(line.swivel[k - 1]);
         let q = &all[line.branch[k - 1]];
         for i in 0..7 {
-            let at = q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round();
+            let at = nearest(q[i], line.q[k - 1][i]);
             let name = &self.arm.chain().joints()[i].name;
             if at < self.lower[i] || at > self.upper[i] {
                 let (lower, upper) = (self.lower[i], self.upper[i]);
@@ -278,7 +273,7 @@ impl Problem<'_> {
         let near = |k: usize, q: &[f64; 7], s: f64, scratch: &mut Scratch| self.distance(k, s, q, scratch);
         let s = line.swivel[k - 1];
         let before = near(k - 1, &line.q[k - 1], s, &mut scratch);
-        let after: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round());
+        let after = nearest_all(q, &line.q[k - 1]);
         if !self.edge_is_clear(k - 1, [&line.q[k - 1], &after], [before, distance], &mut scratch) {
             return format!("the arm would touch an obstacle between points {} and {k}", k - 1);
         }
