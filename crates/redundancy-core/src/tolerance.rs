@@ -175,6 +175,15 @@ pub const REDUCTION_LIMIT: f64 = 1e6;
 /// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
 pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
 
+/// Relative excess over a speed limit that rounding explains.
+pub const SPEED_ROUNDING: f64 = 1e-9;
+
+/// Distance (m) from the path beyond which a closed loop has left it: the repeatability of a large arm, ten times.
+pub const TRACK_POSITION: f64 = 1e-3;
+
+/// The same for the angle, rad: at a tool of 100 mm the same distance.
+pub const TRACK_ORIENTATION: f64 = 1e-2;
+
 /// Speed (rad/s) at which a joint without a velocity limit is timed: that of a careful industrial arm.
 pub const FREE_SPEED: f64 = 1.0;
 
