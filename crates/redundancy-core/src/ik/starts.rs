@@ -214,7 +214,7 @@ impl Starts {
             let (turn, turns) = (f32x8::splat(TAU as f32), f32x8::splat((1.0 / TAU) as f32));
             for (a, out) in self.azimuth_lanes.iter().zip(scores.as_chunks_mut::<LANES>().0) {
                 let away = wanted - f32x8::from(*a);
-                let away = (away - (away * turns).round() * turn).abs();
+                let away = (away - (away * turns).round_ties_even() * turn).abs();
                 let excess = (away - half).max(f32x8::splat(0.0));
                 *out = excess.mul_add(excess, f32x8::from(*out)).to_array();
             }
