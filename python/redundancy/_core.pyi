@@ -2265,6 +2265,180 @@ class OrientationPlan(Trajectory):
         blocked: list[int],
     ) -> OrientationPlan: ...
 
+@final
+class ToolFreedom:
+    """How far the tool may lean and spin away from the path's orientation at each point.
+
+    The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
+    swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
+
+        gun = rd.ToolFreedom(half_angle=np.deg2rad(20), spin="free")
+    """
+
+    def __new__(
+        cls,
+        half_angle: float = 0.0,
+        spin: Literal["free"] | float = ...,
+        axis: ArrayLike | None = None,
+    ) -> ToolFreedom:
+        """Make a freedom.
+
+        Args:
+            half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
+            spin: Largest spin to either side of the path's orientation, rad, or `"free"`. Default 0.
+            axis: Tool axis `(3,)` in the tool frame. Default z.
+
+        Raises:
+            RedundancyError: An angle out of its range, an axis without length.
+        """
+    @property
+    def half_angle(self) -> float:
+        """Largest angle between the tool axis and the path's, rad."""
+    @property
+    def spin(self) -> Literal["free"] | float:
+        """Largest spin to either side, rad, or `"free"`."""
+    @property
+    def axis(self) -> list[float]:
+        """The tool axis in the tool frame, a unit vector."""
+
+class Plan(Trajectory):
+    """A motion along a path with its verdict: a `Trajectory` with what happened to the freedom in each row.
+
+    Columns that a planner does not know are `None`.
+    """
+
+    @property
+    def status(self) -> Status:
+        """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
+    @property
+    def reason(self) -> str:
+        """Why it is not `converged`; empty when it is."""
+    @property
+    def legal(self) -> bool | None:
+        """Whether limits, task, contact and continuity hold on the verification grid, whatever the status."""
+    @property
+    def proven(self) -> bool:
+        """True when the verdict is exact, False when it is the best of a finite search."""
+    @property
+    def cost(self) -> float | None:
+        """What was minimised, summed over the path."""
+    @property
+    def reconfigurations(self) -> list[int]:
+        """Rows before which the arm must change its configuration."""
+    @property
+    def blocked(self) -> list[int]:
+        """Points of the path without any configuration."""
+    @property
+    def blocked_reasons(self) -> list[str]:
+        """Why each of them is blocked."""
+    @property
+    def s(self) -> NDArray[np.float64] | None:
+        """Arc length `(N,)` of each row, m."""
+    @property
+    def poses(self) -> NDArray[np.float64] | None:
+        """Tool poses `(N, 4, 4)`."""
+    @property
+    def tilt(self) -> NDArray[np.float64] | None:
+        """Rotation vector `(N, 2)` of the swing across the tool axis, rad."""
+    @property
+    def spin(self) -> NDArray[np.float64] | None:
+        """Twist `(N,)` about the tool axis against the path's orientation, rad, continuous."""
+    @property
+    def margin(self) -> NDArray[np.float64] | None:
+        """Smallest distance `(N,)` to a joint position limit, rad or m; `inf` where no joint has one."""
+    @property
+    def clearance(self) -> NDArray[np.float64] | None:
+        """Distance `(N,)` from the obstacles, m."""
+    @property
+    def self_clearance(self) -> NDArray[np.float64] | None:
+        """Distance `(N,)` between links of the arm, m."""
+    @property
+    def row_cost(self) -> NDArray[np.float64] | None:
+        """Part of the cost `(N,)` of each row."""
+    @property
+    def piece(self) -> NDArray[np.int64] | None:
+        """The piece `(N,)` of the solutions of each row, an index of `piece_labels`."""
+    @property
+    def piece_labels(self) -> list[str]:
+        """Names of the pieces."""
+    @property
+    def spare(self) -> dict[str, NDArray[np.float64]]:
+        """The spare coordinates that have names: values `(N,)`, rad or m."""
+    @staticmethod
+    def from_npz(path: str | PathLike[str]) -> Plan:
+        """Read what `to_npz` wrote.
+
+        Raises:
+            RedundancyError: A file that cannot be read or holds no plan.
+        """
+    @staticmethod
+    def _from_arrays(arrays: Any) -> Plan: ...
+
+def plan(
+    chain: Chain | SrsArm,
+    path: Path,
+    freedom: ToolFreedom | None = None,
+    *,
+    task: str | Task | None = None,
+    cyclic: bool = False,
+    q_start: ArrayLike | None = None,
+    q_end: ArrayLike | None = None,
+    objective: str = "motion",
+    motion_weight: float | None = None,
+    limit_weight: float | None = None,
+    criterion: Criterion | None = None,
+    criterion_weight: float = 1.0,
+    joint_weights: ArrayLike | None = None,
+    tool_speed: float | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    speed_weights: ArrayLike | None = None,
+    margin: float = 0.0,
+    time_limit: float = 10.0,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Plan:
+    """Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
+
+    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at once,
+    with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
+
+        plan = rd.plan(rd.catalog.load("panda"), path)
+        plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
+
+    Args:
+        chain: The arm, of `n` joints.
+        path: Poses or positions to follow, one row of the plan for each.
+        freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
+        task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+        cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
+        q_start: Configuration `(n,)` at the first point.
+        q_end: Configuration `(n,)` at the last point.
+        objective: `"motion"`, `"length"` (of the joint motion), or `"peak_speed"` (the largest joint speed times
+            `speed_weights`, then the motion; needs times).
+        motion_weight: Weight of the joint motion. Default 0.5.
+        limit_weight: Weight of the distance from the joint limits. Default 1.
+        criterion: Minimised or maximised along the path, as its sense says.
+        criterion_weight: Its weight.
+        joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
+        tool_speed: Constant speed of the tool, m/s, instead of the path's times.
+        velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps where there are times.
+            `"chain"` takes the chain's, `None` is off. No joint turns by more than an eighth of a turn between rows.
+        speed_weights: Weight `(n,)` of each joint in the peak speed. Default one over its limit.
+        margin: Distance kept from every joint position limit, rad or m.
+        time_limit: Seconds after which the best so far is returned, with status `time_limit`.
+        seed: Seed of the random postures; the same seed gives the same plan.
+        threads: Threads to use; all cores by default.
+        progress: Called with the share of the work that is done. Ctrl-C returns the best so far.
+
+    Returns:
+        The plan; its `status` says what was possible.
+
+    Raises:
+        RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or break
+            limits, a closed plan of an open path.
+    """
+
 def plan_orientation(
     chain: Chain,
     path: Path,

@@ -13,6 +13,7 @@ mod ik;
 mod optimum;
 mod orientation_plan;
 mod path;
+mod plan;
 mod planning;
 mod rotation;
 mod scene;
@@ -51,6 +52,8 @@ mod _core {
     };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
+    #[pymodule_export]
+    use plan::{PyPlan, PyToolFreedom, py_plan};
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]

@@ -35,10 +35,11 @@ use wide::f64x4;
 use super::geometry::ParallelGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
+use crate::joint_space::{nearest_within, outside, within, wrap, wrap_sum};
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, check_pose, pose_from_row_major};
 use crate::solutions::closed_form::lanes::{Turns, all, wrapped_lanes};
-use crate::solutions::{Defect, at, nearest_winding, outside, principal, signs, within, wrapped};
+use crate::solutions::{Defect, at, signs};
 use crate::tolerance::{
     GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
 };
@@ -261,7 +262,7 @@ impl ParallelAxesArm {
         for (branch, row) in rows.iter().enumerate().filter(|(b, _)| mask & (1 << b) != 0) {
             let mut near = [0.0; 6];
             let inside = (0..6).all(|i| {
-                let wound = nearest_winding(row[i], q[i], lower[i], upper[i]);
+                let wound = nearest_within(row[i], q[i], lower[i], upper[i]);
                 near[i] = wound.unwrap_or(row[i]);
                 wound.is_some()
             });
@@ -304,8 +305,8 @@ impl ParallelAxesArm {
         let upper = g.upper_home * turned(second) * g.lengths[0];
         let fore = g.fore_home * turned(second + third) * g.lengths[1];
         let center = g.shoulder + upper + fore + g.hand * turned(second + third + fourth);
-        let elbow = wrapped(third + (g.fore_home * g.upper_home.conj()).arg());
-        let values = [center.im, elbow, wrapped(g.zero5 - q[4])];
+        let elbow = wrap(third + (g.fore_home * g.upper_home.conj()).arg());
+        let values = [center.im, elbow, wrap(g.zero5 - q[4])];
         Ok(values.map(|x| if x < 0.0 { -1 } else { 1 }))
     }
 
@@ -427,7 +428,7 @@ impl ParallelAxesArm {
                 let [s2, s3, s4] = g.sign;
                 let [q2, q3, q4] = [s2 * second[lane], s3 * third[lane], s4 * fourth[lane]];
                 let row = [one[lane], q2, q3, q4, five[lane], six[lane]];
-                out[4 * (lane / 2) + 2 * e + lane % 2] = row.map(principal);
+                out[4 * (lane / 2) + 2 * e + lane % 2] = row.map(wrap_sum);
             }
         }
         let doubtful = wrist.height.simd_gt(all(GIMBAL_SINE)) & !out_of_reach;
@@ -491,7 +492,7 @@ impl ParallelAxesArm {
             .chain(ends)
             .chain(plain.iter().map(|row| row[5]))
             .filter(|q| q.is_finite())
-            .map(|q| if limits { within(wrapped(q), lower[5], upper[5]).unwrap_or(q) } else { wrapped(q) })
+            .map(|q| if limits { within(wrap(q), lower[5], upper[5]).unwrap_or(q) } else { wrap(q) })
             .collect();
         tries.sort_by(|a, b| (a - wish).abs().total_cmp(&(b - wish).abs()));
         // Where joint 6 is free, the rows at hand are as good as any, but perhaps not the nearest to the wish.
@@ -549,7 +550,7 @@ impl ParallelAxesArm {
                 let angle = cosine.clamp(-1.0, 1.0).acos();
                 for at in [toward + angle, toward - angle] {
                     // Joint 6 turns with or against the sum, whichever way axis 6 points along m.
-                    let rest = wrapped(total - at);
+                    let rest = wrap(total - at);
                     out.extend([rest, -rest]);
                 }
             }
