@@ -494,3 +494,28 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Distance between two rows of a joint path (rad or m) below which they are one and the arm waits there: shorter chords
+/// have no direction.
+pub const RETIME_SAME_ROW: f64 = 1e-9;
+
+/// Time (s) between two equal rows: the shortest that any controller of arms tells apart.
+pub const RETIME_DWELL: f64 = 1e-3;
+
+/// Turn of a joint path at one row (rad) that no smooth curve is sampled with.
+pub const RETIME_SHARP_CORNER: f64 = 0.5;
+
+/// How much more than its neighbours a row must turn to be a corner: samples of a smooth curve turn alike.
+pub const RETIME_CORNER_RATIO: f64 = 3.0;
+
+/// Distance (rad or m) from a straight line in joint space within which rows are on it.
+pub const RETIME_STRAIGHT: f64 = 1e-9;
+
+/// Nodes that a stretch between two stops has at least.
+pub const RETIME_NODES: usize = 100;
+
+/// Intervals next to a rest whose parameter is the cube root of the length.
+pub const RETIME_ZONE: usize = 4;
+
+/// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
+pub const RETIME_GAP: f64 = 1e-3;
