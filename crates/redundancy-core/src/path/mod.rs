@@ -26,11 +26,14 @@
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
 mod bspline;
+#[cfg(feature = "io")]
+mod files;
 #[allow(clippy::module_inception)]
 mod path;
 mod plan;
 mod shapes;
 mod spline;
+#[cfg(feature = "io")]
 mod table;
 mod timed;
 mod timing;
