@@ -542,8 +542,9 @@ pub const RETIME_STRAIGHT: f64 = 1e-9;
 /// Nodes that a stretch between two stops has at least.
 pub const RETIME_NODES: usize = 100;
 
-/// Intervals next to a rest whose parameter is the cube root of the length.
-pub const RETIME_ZONE: usize = 4;
+/// Intervals next to a rest over which the parameter goes over from the cube root of the length to the length: over many,
+/// so that the jerk changes little in the first.
+pub const RETIME_ZONE: usize = 48;
 
 /// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
 pub const RETIME_GAP: f64 = 1e-3;

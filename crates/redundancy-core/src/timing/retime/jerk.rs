@@ -9,7 +9,8 @@
 //!
 //! # Rest
 //! At rest `x` as a function of the length s starts like `s^(4/3)`. Near a rest sigma is chosen with
-//! `s = L (t^3 - t^4 / 2)`, `t = sigma / L`: then `q'` and `q''` vanish there and x is an ordinary positive number.
+//! `s = L (t^3 - t^4 / 2)`, `t = sigma / L`: then `q'` and `q''` vanish there and x is an ordinary positive number. In the
+//! interval next to a rest x is constant: s is then a polynomial of the time, and so is the motion between its two rows.
 //!
 //! # Method
 //! Dividing by `sqrt(x)` leaves `|q''' x + 3/2 q'' x' + q' x'' / 2| <= J / sqrt(x)`: linear on the left, convex on the
@@ -165,12 +166,29 @@ struct Barrier<'a> {
     value: Vec<[f64; 2]>,
     slope: Vec<[f64; 2]>,
     constraints: f64,
+    /// Coefficients below the first and above the second are equal to it: x is constant next to a rest.
+    free: [usize; 2],
 }
 
 /// Gradient and the upper three diagonals of the Hessian.
 struct Quadratic {
     gradient: Vec<f64>,
     hessian: Vec<[f64; 3]>,
+    free: [usize; 2],
+}
+
+impl Quadratic {
+    /// Adds to the gradient by coefficient `i`.
+    fn slope(&mut self, i: usize, value: f64) {
+        self.gradient[i.clamp(self.free[0], self.free[1])] += value;
+    }
+
+    /// Adds to the second derivative by coefficients `i <= j`.
+    fn bend(&mut self, i: usize, j: usize, value: f64) {
+        let [a, b] = [i, j].map(|i| i.clamp(self.free[0], self.free[1]));
+        // Two coefficients that are one: both mixed derivatives land on the diagonal.
+        self.hessian[a][b - a] += if a == b && i != j { 2.0 * value } else { value };
+    }
 }
 
 impl<'a> Barrier<'a> {
@@ -179,6 +197,7 @@ impl<'a> Barrier<'a> {
         limits: &NodeLimits,
         settings: &RetimeSettings,
         jerk: &[f64],
+        rest: [bool; 2],
         share: &[f64],
     ) -> Self {
         let (n, last) = (nodes.n, nodes.h.len());
@@ -207,6 +226,7 @@ impl<'a> Barrier<'a> {
             value,
             slope,
             constraints: 0.0,
+            free: [if rest[0] { 2 } else { 0 }, if rest[1] { last - 1 } else { last + 1 }],
         };
         let finite = |v: &[f64]| v.iter().filter(|v| v.is_finite()).count();
         out.constraints = (finite(&out.most)
@@ -308,10 +328,11 @@ impl<'a> Barrier<'a> {
                 s[0] += 0.75 * weight * root / (x * x);
                 let (v, d) = (self.value[k], self.slope[k]);
                 for i in 0..2 {
-                    q.gradient[k + i] += v[i] * g[0] + d[i] * g[1];
+                    q.slope(k + i, v[i] * g[0] + d[i] * g[1]);
                     for j in i..2 {
-                        q.hessian[k + i][j - i] +=
+                        let value =
                             v[i] * v[j] * s[0] + (v[i] * d[j] + d[i] * v[j]) * s[1] + d[i] * d[j] * s[2];
+                        q.bend(k + i, k + j, value);
                     }
                 }
             }
@@ -382,9 +403,9 @@ impl<'a> Barrier<'a> {
                 std::array::from_fn(|i| 0.5 * (rows[0][i] + rows[1][i]) - bends[i] * h * h / 8.0);
             let (g, s) = (-0.5 * weight * root / middle, 0.75 * weight * root / (middle * middle));
             for i in 0..3 {
-                q.gradient[k + i] += *mu * gradient[i] + g * row[i];
+                q.slope(k + i, *mu * gradient[i] + g * row[i]);
                 for j in i..3 {
-                    q.hessian[k + i][j - i] += *mu * hessian[i][j] + s * row[i] * row[j];
+                    q.bend(k + i, k + j, *mu * hessian[i][j] + s * row[i] * row[j]);
                 }
             }
         }
@@ -395,7 +416,8 @@ impl<'a> Barrier<'a> {
     fn solve(&self) -> Option<Vec<f64>> {
         let size = self.nodes.h.len() + 2;
         let mut c = vec![self.start(); size];
-        let mut quadratic = Quadratic { gradient: vec![0.0; size], hessian: vec![[0.0; 3]; size] };
+        let mut quadratic =
+            Quadratic { gradient: vec![0.0; size], hessian: vec![[0.0; 3]; size], free: self.free };
         let [duration, _] = self.evaluate(&c, None)?;
         let mut mu = duration / self.constraints.max(1.0);
         let mut trial = c.clone();
@@ -404,14 +426,13 @@ impl<'a> Barrier<'a> {
             for _ in 0..STAGE_STEPS {
                 self.evaluate(&c, Some((&mut quadratic, mu)))?;
                 let decrement = quadratic.solve();
+                let [low, high] = self.free;
                 let mut step = 1.0;
                 let mut moved = false;
                 while step > SHORTEST_STEP {
-                    trial
-                        .iter_mut()
-                        .zip(&c)
-                        .zip(&quadratic.gradient)
-                        .for_each(|((t, c), d)| *t = c - step * d);
+                    for (i, t) in trial.iter_mut().enumerate() {
+                        *t = c[i] - step * quadratic.gradient[i.clamp(low, high)];
+                    }
                     if let Some(next) = self.evaluate(&trial, None)
                         && next[0] + mu * next[1] <= now[0] + mu * now[1] - 0.1 * step * decrement
                     {
@@ -489,6 +510,9 @@ impl Quadratic {
     /// The Newton step in place of the gradient, by the banded Cholesky factors; returns the squared decrement.
     fn solve(&mut self) -> f64 {
         let size = self.gradient.len();
+        for k in (0..self.free[0]).chain(self.free[1] + 1..size) {
+            self.hessian[k] = [1.0, 0.0, 0.0];
+        }
         let wanted = self.gradient.clone();
         let h = &mut self.hessian;
         for k in 0..size {
@@ -548,7 +572,7 @@ pub(super) fn fastest(
     share: &[f64],
 ) -> Option<JerkLaw> {
     let nodes = Nodes::new(stretch, limits, rest);
-    let barrier = Barrier::new(&nodes, limits, settings, jerk, share);
+    let barrier = Barrier::new(&nodes, limits, settings, jerk, rest, share);
     let c = barrier.solve()?;
     let (n, last) = (nodes.n, nodes.h.len());
     let mut law = JerkLaw { nodes: Vec::new(), qd: Vec::new(), qdd: Vec::new() };

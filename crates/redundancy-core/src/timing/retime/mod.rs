@@ -171,7 +171,6 @@ fn solve(
         };
         let excess = motion.excess(chain, settings)?;
         let worst = excess.iter().copied().fold(1.0, f64::max);
-        if std::env::var_os("DBG").is_some() { let top: Vec<(usize, String)> = excess.iter().enumerate().filter(|(_, f)| **f > 1.0 + 0.3 * (worst - 1.0)).map(|(k, f)| (k, format!("{f:.4}"))).collect(); println!("DBG n {} dur {} worst {worst} {top:?}", excess.len(), motion.duration()); }
         let duration = motion.duration() * worst;
         if best.as_ref().is_none_or(|(best, factor)| duration < best.duration() * factor) {
             best = Some((motion, worst));
