@@ -24,6 +24,7 @@ mod plan;
 mod planning;
 mod planning_brute;
 mod planning_scene;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;
