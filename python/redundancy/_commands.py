@@ -13,11 +13,18 @@ import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import _paint, plot
+from redundancy import _paint, _plan, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -169,7 +176,20 @@ def track(
         str, typer.Option(help="auto, or signs of shoulder, elbow, wrist such as +++ or +-+.")
     ] = "auto",
     obstacles: Annotated[
-        File | None, typer.Option(help="Scene JSON: spheres, boxes, capsules to keep off.")
+        File | None, typer.Option(help="Scene JSON: spheres, boxes, capsules, cylinders, planes, meshes.")
+    ] = None,
+    collision: Annotated[
+        str,
+        typer.Option(
+            help="What the arm is: capsules (from joint to joint), urdf (its collision shapes, and its links must not "
+            "touch each other), none (nothing is kept away from)."
+        ),
+    ] = "capsules",
+    srdf: Annotated[
+        File | None, typer.Option(help="With --collision urdf: which links may touch; found without.")
+    ] = None,
+    package_dir: Annotated[
+        list[File] | None, typer.Option(help="With --collision urdf: folders of packages; may be repeated.")
     ] = None,
     plan: Annotated[
         str,
@@ -191,11 +211,34 @@ def track(
     Example:  redundancy track --robot pa10 --path path.csv --out run/
     Example:  redundancy track --robot arm.urdf --base base_link --tip tool0 --path path.csv --swivel 30 --out run/
     Example:  redundancy track --robot pa10 --path path.csv --obstacles scene.json --plan whole --out run/
+    Example:  redundancy track --robot arm.urdf --path path.csv --collision urdf --package-dir share/ --out run/
     """
     if plan not in {"whole", "flow"}:
         raise rd.RedundancyError(f"--plan is '{plan}', it must be whole or flow")
-    way = Way(obstacles, plan, clearance, link_radius, cyclic)
+    if collision not in {"urdf", "capsules", "none"}:
+        raise rd.RedundancyError(f"--collision is '{collision}', it must be urdf, capsules or none")
+    if collision != "urdf" and (srdf is not None or package_dir):
+        raise rd.RedundancyError("--srdf and --package-dir need --collision urdf")
+    bodies = Bodies(collision, srdf, list(package_dir or []))
+    way = Way(obstacles, plan, clearance, link_radius, cyclic, bodies=bodies)
     Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way).run()
+
+
+@dataclass
+class Bodies:
+    """What the arm is when it comes near something."""
+
+    collision: str = "capsules"
+    srdf: File | None = None
+    package_dirs: list[File] = field(default_factory=list)
+
+    def links(self, robot: str, chain: rd.Chain) -> rd.LinkGeometry | None:
+        """The shapes of a URDF's links, or None for capsules."""
+        if self.collision != "urdf":
+            return None
+        if not File(robot).is_file():
+            raise rd.RedundancyError(f"--collision urdf needs a URDF file, '{robot}' is none")
+        return rd.LinkGeometry.from_urdf(chain, robot, package_dirs=self.package_dirs, srdf=self.srdf)
 
 
 @dataclass
@@ -208,6 +251,8 @@ class Way:
     link_radius: float = 0.05
     cyclic: bool = False
     scene: rd.Scene | None = None
+    bodies: Bodies = field(default_factory=Bodies)
+    links: rd.LinkGeometry | None = None
 
 
 @dataclass
@@ -244,6 +289,9 @@ class Job:
             raise rd.RedundancyError(message)
         if self.way.obstacles is not None:
             self.way.scene = rd.Scene.from_json(self.way.obstacles)
+        self.way.links = self.way.bodies.links(self.robot, chain)
+        if self.way.bodies.collision == "none":
+            self.way.scene = None
         if self.way.plan == "flow" and path.t is None:
             message = f"{self.path_file}: --plan flow needs a path with times (a column t)"
             raise rd.RedundancyError(message)
@@ -276,7 +324,8 @@ class Job:
                 self._draw(arm, path, plan)
                 written.append("track.png")
                 if self.way.scene is not None:
-                    figure = plot.obstacle_map(arm, path, plan, self.way.scene, self.way.link_radius)
+                    links = self.way.link_radius if self.way.links is None else self.way.links
+                    figure = plot.obstacle_map(arm, path, plan, self.way.scene, links)
                     _save(figure, self.out / "obstacles.png")
                     written.append("obstacles.png")
         self.summary["seconds"] = time.perf_counter() - begin
@@ -337,6 +386,7 @@ class Job:
                 branch=self.branch,
                 wanted_clearance=self.way.clearance,
                 link_radius=self.way.link_radius,
+                links=self.way.links,
                 progress=report,
             )
         self.summary["status"] = str(plan.status)
@@ -359,6 +409,7 @@ class Job:
             branch=self.branch,
             wanted_clearance=self.way.clearance,
             link_radius=self.way.link_radius,
+            links=self.way.links,
         )
         if start.status != rd.Status.CONVERGED or path.t is None:
             self.summary |= {"status": str(start.status), "events": [], "first_point": 0}
@@ -370,6 +421,7 @@ class Job:
             s0 if self.swivel is None else self.swivel,
             self.way.scene,
             link_radius=self.way.link_radius,
+            links=self.way.links,
             branch=(first, second, third),
         )
         steps = np.diff(path.t)
@@ -444,6 +496,12 @@ class Job:
             self.summary |= {
                 "clearance_m": float(plan.clearance[nearest]),
                 "clearance_at": {"point": nearest},
+            }
+        if plan.self_clearance is not None:
+            nearest = int(np.argmin(plan.self_clearance))
+            self.summary |= {
+                "self_clearance_m": float(plan.self_clearance[nearest]),
+                "self_clearance_at": {"point": nearest},
             }
 
     def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: rd.SwivelPlan) -> None:
@@ -729,6 +787,104 @@ def _numbers(text: str, option: str, count: int) -> NDArray[np.float64]:
     if len(values) != count or not np.isfinite(values).all():
         raise rd.RedundancyError(f"{option} is '{text}', it must be {count} numbers with commas")
     return values
+
+
+# --- plan -------------------------------------------------------------------------------------------------
+
+
+@app.command()
+def plan(
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    path: Annotated[
+        File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz or positions only, t (s) or s (m).")
+    ],
+    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    tool: Annotated[str, typer.Option(help="Tool centre point after the tip, m: x,y,z.")] = "0,0,0",
+    half_angle: Annotated[float, typer.Option(help="How far the tool may lean, degrees.")] = 0.0,
+    spin: Annotated[str, typer.Option(help="free, or degrees to either side.")] = "0",
+    axis: Annotated[str, typer.Option(help="Tool axis in the tool frame: x,y,z.")] = "0,0,1",
+    task: Annotated[str | None, typer.Option(help="pose, position, pointing, planar, planar_pose.")] = None,
+    cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
+    objective: Annotated[str, typer.Option(help="motion, length or peak_speed.")] = "motion",
+    motion_weight: Annotated[float | None, typer.Option(help="Weight of the joint motion.")] = None,
+    limit_weight: Annotated[float | None, typer.Option(help="Weight of the distance from limits.")] = None,
+    joint_weights: Annotated[str | None, typer.Option(help="Weight of each joint, with commas.")] = None,
+    q_start: Annotated[str | None, typer.Option(help="Joints at the first point, rad or m.")] = None,
+    q_end: Annotated[str | None, typer.Option(help="Joints at the last point, rad or m.")] = None,
+    tool_speed: Annotated[float | None, typer.Option(help="Constant speed of the tool, m/s.")] = None,
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
+    margin: Annotated[float, typer.Option(help="Distance kept from the joint limits, degrees.")] = 0.0,
+    time_limit: Annotated[float, typer.Option(help="Seconds until the best so far is taken.")] = 10.0,
+    seed: Annotated[int, typer.Option(help="Seed of the random postures.")] = 0,
+    threads: Annotated[int | None, typer.Option(help="Threads; all cores by default.")] = None,
+    plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
+) -> None:
+    """Plan a whole path for any arm, with any freedom of the tool.
+
+    Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs. Ctrl-C keeps the best line so far.
+    Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
+
+    Example:  redundancy plan --robot panda --path path.csv --out run/
+    Example:  redundancy plan --robot ur5.urdf --base base_link --tip tool0 --path path.csv --spin free --out run/
+    """
+    chain = load_robot(robot, base, tip)
+    if tool != "0,0,0":
+        pose = np.eye(4)
+        pose[:3, 3] = _plan.vector(tool, "--tool", 3)
+        chain = chain.with_tool(pose)
+    joints = chain.dof
+
+    def given(text: str | None, option: str) -> NDArray[np.float64] | None:
+        return None if text is None else _plan.vector(text, option, joints)
+
+    limits: Any = velocity_limits if velocity_limits == "chain" else None
+    if velocity_limits not in {"chain", "off"}:
+        limits = np.deg2rad(_plan.vector(velocity_limits, "--velocity-limits", joints))
+    options: dict[str, Any] = {
+        "freedom": rd.ToolFreedom(
+            np.deg2rad(half_angle), _plan.spin_of(spin), tuple(_plan.vector(axis, "--axis", 3))
+        ),
+        "task": task,
+        "cyclic": cyclic,
+        "objective": objective,
+        "joint_weights": given(joint_weights, "--joint-weights"),
+        "q_start": given(q_start, "--q-start"),
+        "q_end": given(q_end, "--q-end"),
+        "tool_speed": tool_speed,
+        "velocity_limits": limits,
+        "margin": float(np.deg2rad(margin)),
+        "time_limit": time_limit,
+        "seed": seed,
+        "threads": threads,
+    }
+    weights = {"motion_weight": motion_weight, "limit_weight": limit_weight}
+    options |= {name: value for name, value in weights.items() if value is not None}
+    plan_job(_plan.Job(chain, robot, path, rd.Path.from_csv(path), out, options, plots))
+
+
+def plan_job(job: _plan.Job) -> None:
+    """Run one job of `plan`, with a bar while it plans, and print what came out."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=_err, transient=True, disable=not _err.is_terminal) as progress:
+        task = progress.add_task("planning", total=1.0)
+
+        def show(share: float) -> None:
+            progress.update(task, completed=share)
+
+        job.progress = show
+        written = job.run()
+    if job.plan is None:
+        return
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value in _plan.rows(job.plan):
+        table.add_row(name, escape(value))
+    console = _out if _out.is_terminal else Console(width=160, highlight=False)
+    console.print(table)
+    _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)
+    if not job.plan.legal:
+        raise CannotFollowError(job.plan.reason or str(job.plan.status))
 
 
 # --- demo -------------------------------------------------------------------------------------------------

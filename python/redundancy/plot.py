@@ -12,7 +12,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
-from redundancy._core import Chain, Path, Scene, SelfMotion, SrsArm, SwivelPlan, Trajectory
+from redundancy._core import Chain, LinkGeometry, Path, Scene, SelfMotion, SrsArm, SwivelPlan, Trajectory
 from redundancy.plot_ik import convergence, convergence_traces
 from redundancy.plot_rotation import quaternion_volume
 
@@ -210,7 +210,7 @@ def obstacle_map(
     path: Path,
     plan: SwivelPlan,
     scene: Scene,
-    link_radius: float = 0.05,
+    link_radius: float | LinkGeometry = 0.05,
     resolution: int = 180,
     figure: FigureBase | None = None,
 ) -> FigureBase:
@@ -221,7 +221,7 @@ def obstacle_map(
         path: What was planned; of long paths some 300 points are drawn.
         plan: Has a row per path point, and a `clearance`.
         scene: The obstacles; where they move and the path has times, each point has its own.
-        link_radius: As for the plan, m.
+        link_radius: As for the plan, m; or the shapes of its links.
         resolution: Number of swivels.
         figure: Where to draw; a new figure when left out.
     """
@@ -260,7 +260,7 @@ def _blocked(
     shown: NDArray[np.int64],
     branch: int,
     scene: Scene,
-    link_radius: float,
+    link_radius: float | LinkGeometry,
     resolution: int,
 ) -> NDArray[np.bool_]:
     """Where a branch touches an obstacle, `(N, resolution)` over swivels from -pi."""

@@ -486,7 +486,7 @@ fn urdf_with_meshes() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-fn obj(mesh: &TriangleMesh) -> String {
+pub fn obj(mesh: &TriangleMesh) -> String {
     let mut out = String::from("# a mesh\no thing\n");
     mesh.vertices().iter().for_each(|v| out.push_str(&format!("v {} {} {}\n", v[0], v[1], v[2])));
     mesh.faces()
@@ -495,7 +495,7 @@ fn obj(mesh: &TriangleMesh) -> String {
     out
 }
 
-fn stl(mesh: &TriangleMesh) -> Vec<u8> {
+pub fn stl(mesh: &TriangleMesh) -> Vec<u8> {
     let mut out = vec![0; 80];
     out.extend((mesh.faces().len() as u32).to_le_bytes());
     for face in mesh.faces() {
@@ -545,7 +545,7 @@ fn the_same_mesh_in_every_format() {
     }
 }
 
-const DAE: &str = r##"<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+pub const DAE: &str = r##"<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis></asset>
 <library_geometries><geometry id="g"><mesh>
   <source id="p"><float_array id="a" count="12">0 0 0 100 0 0 0 100 0 0 0 100</float_array>

@@ -4,25 +4,34 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
+mod architecture;
 mod bodies;
+mod bodies_hostile;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
+mod contacts;
+mod corrector;
 mod criterion;
 mod ik_descent;
+mod ik_parallel_axes;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
+mod joint_space;
 mod kinematics;
 mod optimum;
+mod parallel;
 mod path;
 mod plan;
 mod planning;
 mod planning_brute;
 mod planning_scene;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod spray;
 mod support;
 mod task;

@@ -18,6 +18,23 @@ pub const QUATERNION_NORM: f64 = 1e-3;
 /// URDFs stay below; the smallest real wrist offsets (some mm) do not.
 pub const SRS_DISTANCE: f64 = 1e-4;
 
+/// Least angle (rad) between axes that a closed form needs to cross: nearer to parallel, their crossing point and the turn
+/// that brings one to a wanted place lose more than two digits.
+pub const AXES_PARALLEL: f64 = 0.01;
+
+/// `1 - cos` of the angle (1.4e-12 rad) by which a cone may be missed at its tip: rounding of a few rotations.
+pub const CONE_ROUNDING: f64 = 1e-24;
+
+/// Values of joint 6 at which an arm with three parallel axes is tried where the pose leaves it free: a step of 1.4 degrees.
+pub const SINGULAR_WRIST: usize = 256;
+
+/// Sine of the angle between axis 6 and the parallel axes below which rounding of joint 6 (1e-16 over this) may move the
+/// arm out of a reach that it is at the end of.
+pub const SINGULAR_WRIST_SINE: f64 = 1e-7;
+
+/// Rotation (rad) of the tool that another joint 6 next to a singular wrist may cost: a few roundings of a rotation matrix.
+pub const SINGULAR_WRIST_ROUNDING: f64 = 1e-14;
+
 /// Largest deviation from a right angle between neighbouring axes of a spherical joint, rad: a URDF that
 /// writes 1.5708 or 1.57 for pi/2 is off by 3.7e-6 or 8e-4.
 pub const SRS_ANGLE: f64 = 1e-3;
@@ -170,12 +187,25 @@ pub const REDUCTION_LIMIT: f64 = 1e6;
 /// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
 pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
 
+/// Relative excess over a speed limit that rounding explains.
+pub const SPEED_ROUNDING: f64 = 1e-9;
+
+/// Distance (m) from the path beyond which a closed loop has left it: the repeatability of a large arm, ten times.
+pub const TRACK_POSITION: f64 = 1e-3;
+
+/// The same for the angle, rad: at a tool of 100 mm the same distance.
+pub const TRACK_ORIENTATION: f64 = 1e-2;
+
 /// Speed (rad/s) at which a joint without a velocity limit is timed: that of a careful industrial arm.
 pub const FREE_SPEED: f64 = 1.0;
 
 /// Slope of a criterion of order 1 along a circle, and width of its bracket (rad), at which its zero is found: a value
 /// is then within 1e-18 of the minimum.
 pub const SLOPE_ROUNDING: f64 = 1e-9;
+
+/// Deviation of a criterion, relative to 1 + its size, from the cubic through values and slopes of a part of a curve at
+/// which the part counts as resolved.
+pub const SCAN_RESOLVED: f64 = 1e-6;
 
 /// First step (rad) of the secant that polishes an optimum: the root of the gap that is left, divided by ten.
 pub const POLISH_STEP: f64 = 1e-6;
@@ -352,6 +382,13 @@ pub const TRACE_CLOSURE: f64 = 1e-2;
 /// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
 pub const CURVE_CONTAINS: f64 = 1e-8;
 
+/// Distance of a joint from its limit (rad or m), and width of the bracket (length of the curve), at which the end of a
+/// feasible arc of a traced curve is found.
+pub const EDGE_FOUND: f64 = 1e-13;
+
+/// See [`EDGE_FOUND`]; the end that holds the limit is returned.
+pub const EDGE_WIDTH: f64 = 1e-11;
+
 /// Largest defect (m, rad) of an arm whose closed form counts as exact: what is left is rounding of the description, and
 /// is corrected in one Newton step.
 pub const CLOSED_FORM_EXACT: f64 = 1e-9;
@@ -522,6 +559,13 @@ pub const PAIRS_NEVER: f64 = 0.02;
 /// what rounding leaves, far below what any link does.
 pub const HELD_SLOPE: f64 = 1e-7;
 
+/// Change of a distance per rad or m of a joint below which the joint does not move the pair.
+pub const CONTACT_SLOPE: f64 = 1e-9;
+
+/// Distance (m) beyond the safe one from which a velocity step looks at pairs: at the default barrier rate a pair may come
+/// nearer by 2.5 m/s there.
+pub const CONTACT_HORIZON: f64 = 0.5;
+
 /// Halvings of a motion until it is known whether it stays clear: of 0.1 rad at arm's length 0.02 mm are left.
 pub const SWEEP_DEPTH: usize = 12;
 
@@ -531,3 +575,33 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Distance between two rows of a joint path (rad or m) below which they are one and the arm waits there: shorter chords
+/// have no direction.
+pub const RETIME_SAME_ROW: f64 = 1e-9;
+
+/// Time (s) between two equal rows: the shortest that any controller of arms tells apart.
+pub const RETIME_DWELL: f64 = 1e-3;
+
+/// Turn of a joint path at one row (rad) that no smooth curve is sampled with.
+pub const RETIME_SHARP_CORNER: f64 = 0.5;
+
+/// How much more than its neighbours a row must turn to be a corner: samples of a smooth curve turn alike.
+pub const RETIME_CORNER_RATIO: f64 = 3.0;
+
+/// Distance (rad or m) from a straight line in joint space within which rows are on it.
+pub const RETIME_STRAIGHT: f64 = 1e-9;
+
+/// Nodes that a stretch between two stops has at least.
+pub const RETIME_NODES: usize = 100;
+
+/// Intervals next to a rest over which the parameter goes over from the cube root of the length to the length: over many,
+/// so that the jerk changes little in the first.
+pub const RETIME_ZONE: usize = 48;
+
+/// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
+pub const RETIME_GAP: f64 = 1e-3;
+
+/// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
+/// the spot) still costs what its joints move.
+pub const PLAN_LEAST_SHARE: f64 = 1e-3;

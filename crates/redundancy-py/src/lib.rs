@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod batch;
 mod chain;
+mod closed_form;
 mod continuation;
 mod convert;
 mod criterion;
@@ -14,14 +15,17 @@ mod obstacle;
 mod optimum;
 mod orientation_plan;
 mod path;
+mod plan;
 mod planning;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod speed;
 mod status;
 mod task;
 mod velocity;
+mod watch;
 
 #[pymodule]
 mod _core {
@@ -29,6 +33,8 @@ mod _core {
 
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use closed_form::py_closed_form;
     #[pymodule_export]
     use continuation::{
         PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
@@ -44,7 +50,7 @@ mod _core {
         half_angle_minimum, joint_cost, sinusoid_minimum,
     };
     #[pymodule_export]
-    use links::{PyLinkGeometry, PySelfClearance};
+    use links::{PyLinkGeometry, PyPairClearances, PySelfClearance};
     #[pymodule_export]
     use obstacle::{PyBox, PyCapsule, PyCylinder, PyHalfSpace, PyMesh, PySphere};
     #[pymodule_export]
@@ -56,6 +62,8 @@ mod _core {
     };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
+    #[pymodule_export]
+    use plan::{PyPlan, PyToolFreedom, py_plan};
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
@@ -69,6 +77,8 @@ mod _core {
     use scene::{PyClearance, PyScene};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use solutions::{PyPiece, PySolution, PySolutions, py_solutions};
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]

@@ -181,6 +181,37 @@ impl PyLinkGeometry {
         Bound::new(py, PySelfClearance { rows: all, names: self.names(), batch: rows.batch.is_some() })
     }
 
+    /// All pairs of links that are nearer than the cutoff, of one configuration or of many.
+    #[pyo3(signature = (q, cutoff=None, *, threads=None))]
+    fn pair_clearances<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        cutoff: Option<f64>,
+        threads: Option<Threads>,
+    ) -> PyResult<Bound<'py, PyPairClearances>> {
+        let chain = &self.chain.get().chain;
+        let n = chain.dof();
+        let rows = read_rows(q, "q", &[n])?;
+        let values = rows.as_slice()?;
+        let mut out = PyPairClearances { n, ..PyPairClearances::default() };
+        let names = self.geometry.names();
+        in_blocks(py, values.len() / n.max(1), BLOCK, threads, |range| {
+            let block = &values[range.start * n..range.end * n];
+            let all = self.geometry.pair_clearances(chain, block, cutoff.unwrap_or(f64::INFINITY))?;
+            for (i, pairs) in all.into_iter().enumerate() {
+                for pair in pairs {
+                    out.row.push((range.start + i) as i64);
+                    out.pairs.push(pair.links.map(|link| names[link].clone()).into());
+                    out.distance.push(pair.distance);
+                    out.gradient.extend(pair.gradient);
+                }
+            }
+            Ok(())
+        })?;
+        Bound::new(py, out)
+    }
+
     /// Number of shapes.
     fn __len__(&self) -> usize {
         self.geometry.len()
@@ -328,6 +359,74 @@ impl PySelfClearance {
     }
 }
 
+/// Pairs of links that are near each other, one after the other.
+#[pyclass(name = "PairClearances", module = "redundancy", frozen)]
+#[derive(Default)]
+pub struct PyPairClearances {
+    row: Vec<i64>,
+    pairs: Vec<(String, String)>,
+    distance: Vec<f64>,
+    gradient: Vec<f64>,
+    n: usize,
+}
+
+#[pymethods]
+impl PyPairClearances {
+    /// The configuration of each, from 0.
+    #[getter]
+    fn row<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        PyArray1::from_slice(py, &self.row)
+    }
+
+    /// Names of the two links.
+    #[getter]
+    fn pairs(&self) -> Vec<(String, String)> {
+        self.pairs.clone()
+    }
+
+    /// Signed distances `(k,)`, m.
+    #[getter]
+    fn distance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.distance)
+    }
+
+    /// Their derivatives by the joints `(k, n)`.
+    #[getter]
+    fn gradient<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(to_array(py, &self.gradient, [self.distance.len(), self.n])?.into_any())
+    }
+
+    fn __len__(&self) -> usize {
+        self.distance.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("PairClearances({} pairs)", self.distance.len())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PairParts)> {
+        let parts =
+            (self.row.clone(), self.pairs.clone(), self.distance.clone(), self.gradient.clone(), self.n);
+        Ok((py.get_type::<Self>().getattr("_from_parts")?, parts))
+    }
+
+    #[staticmethod]
+    fn _from_parts(
+        row: Vec<i64>,
+        pairs: Vec<(String, String)>,
+        distance: Vec<f64>,
+        gradient: Vec<f64>,
+        n: usize,
+    ) -> PyResult<Self> {
+        let k = row.len();
+        if pairs.len() != k || distance.len() != k || gradient.len() != k * n {
+            return Err(to_py(Error::Invalid("these are not the parts of pickled PairClearances".into())));
+        }
+        Ok(Self { row, pairs, distance, gradient, n })
+    }
+}
+
+type PairParts = (Vec<i64>, Vec<(String, String)>, Vec<f64>, Vec<f64>, usize);
 type SelfRow = (f64, Option<[usize; 2]>, Vec<f64>);
 type SelfParts = (Vec<SelfRow>, Vec<String>, bool);
 

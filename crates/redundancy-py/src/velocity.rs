@@ -4,26 +4,29 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::{PyDict, PyTuple, PyType};
 use redundancy_core::Error;
 use redundancy_core::Status;
+use redundancy_core::chain::Chain;
 use redundancy_core::kinematics::Task;
-use redundancy_core::planning::{Track, TrackSettings, track};
+use redundancy_core::planning::{Track, TrackSettings, track_beside};
+use redundancy_core::scene::{LinkGeometry, Proximity, Surroundings};
 use redundancy_core::velocity::{
-    ActiveLimit, Damping, ExtendedJacobian, Gain, ProjectedGradient, ReducedGradient, Resolver,
-    SaturatedNullspace, StepInput, StepReport, sigma_min,
+    ActiveLimit, ContactSettings, Damping, ExtendedJacobian, Gain, LimitingPair, ProjectedGradient,
+    ReducedGradient, Resolver, SaturatedNullspace, StepInput, StepReport, sigma_min,
 };
 
 use crate::chain::PyChain;
 use crate::convert::read_vector;
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
+use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
+use crate::scene::{LINK_RADIUS, PyScene};
 use crate::status::status_to_py;
 use crate::task::{PyTask, read_task};
-
-/// Steps between two looks at Ctrl-C: some milliseconds.
-const BLOCK: usize = 4096;
+use crate::watch::watched;
 
 /// When and how strongly small singular values are damped.
 #[pyclass(name = "Damping", module = "redundancy", frozen, eq, get_all)]
@@ -134,7 +137,7 @@ impl PyResolver {
 #[pymethods]
 impl PyResolver {
     /// One step.
-    #[pyo3(signature = (q, task_velocity, dt=None, qd=None))]
+    #[pyo3(signature = (q, task_velocity, dt=None, qd=None, *, t=0.0))]
     fn step(
         &self,
         py: Python<'_>,
@@ -142,17 +145,27 @@ impl PyResolver {
         task_velocity: &Bound<'_, PyAny>,
         dt: Option<f64>,
         qd: Option<&Bound<'_, PyAny>>,
+        t: f64,
     ) -> PyResult<PyStep> {
+        if !t.is_finite() {
+            return Err(to_py(Error::NotFinite { what: "t".into(), index: 0, value: t }));
+        }
         let q = read_vector(q, "q", None)?;
         let velocity = read_vector(task_velocity, "task_velocity", None)?;
         let before = qd.map(|qd| read_vector(qd, "qd", None)).transpose()?;
         let mut out = vec![0.0; q.len()];
         let input = StepInput { q: &q, velocity: &velocity, dt, qd: before.as_deref() };
         let mut resolver = self.lock();
+        resolver.set_time(t);
         let report = resolver.step(&input, &mut out).map_err(to_py)?;
         let (active, task) = (resolver.active_limits().to_vec(), *resolver.task());
+        let named = |pair: &LimitingPair| -> PairText {
+            let name = |thing| resolver.surroundings().map(|around| around.name(thing)).unwrap_or_default();
+            (name(pair.first), name(pair.second), pair.distance)
+        };
+        let pairs = resolver.limiting_pairs().iter().map(named).collect();
         drop(resolver);
-        Ok(PyStep { qd: out, q, report, active, chain: self.chain.clone_ref(py), task })
+        Ok(PyStep { qd: out, q, report, active, pairs, chain: self.chain.clone_ref(py), task })
     }
 
     /// The chain it was made for.
@@ -297,29 +310,82 @@ pub struct PySaturatedNullspace;
 #[pymethods]
 impl PySaturatedNullspace {
     #[new]
-    #[pyo3(signature = (chain, criterion=None, gain=1.0, task=None, damping=None))]
+    #[pyo3(signature = (chain, criterion=None, gain=1.0, task=None, damping=None, *, scene=None, links=None,
+        safe_distance=0.02, barrier_rate=5.0, self_collision=None),
+        text_signature = "(chain, criterion=None, gain=1.0, task='pose', damping=None, *, scene=None, links=None, \
+            safe_distance=0.02, barrier_rate=5.0, self_collision='auto')")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<&Bound<'_, PyCriterion>>,
         gain: f64,
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<&Bound<'_, PyAny>>,
+        scene: Option<&Bound<'_, PyScene>>,
+        links: Option<&Bound<'_, PyLinkGeometry>>,
+        safe_distance: f64,
+        barrier_rate: f64,
+        self_collision: Option<SelfCollision>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
         let task = task.map_or(Ok(Task::POSE), read_task)?;
-        let resolver = SaturatedNullspace::new(
-            &chain.get().chain,
+        let arm = &chain.get().chain;
+        let mut resolver = SaturatedNullspace::new(
+            arm,
             read_criterion(criterion),
             Gain::Constant(gain),
             task,
             read_damping(damping)?,
         )
         .map_err(to_py)?;
+        let around = surroundings_of(arm, scene, links, self_collision)?;
+        let decided = around.as_ref().map(|(_, own)| *own);
+        if let Some((around, _)) = around {
+            let settings = ContactSettings { safe_distance, barrier_rate };
+            resolver = resolver.with_contacts(around, settings).map_err(to_py)?;
+        }
         let arguments = (chain, criterion, gain, PyTask { task }, damping).into_pyobject(py)?;
-        let base = PyResolver::of(py.get_type::<Self>(), arguments, chain, resolver)?;
+        let base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
+        let Some(own) = decided else {
+            return Ok(PyClassInitializer::from(base).add_subclass(Self));
+        };
+        let options = PyDict::new(py);
+        options.set_item("scene", scene)?;
+        options.set_item("links", links)?;
+        options.set_item("safe_distance", safe_distance)?;
+        options.set_item("barrier_rate", barrier_rate)?;
+        options.set_item("self_collision", own)?;
+        let make =
+            py.import("functools")?.getattr("partial")?.call((py.get_type::<Self>(),), Some(&options))?;
+        let base = PyResolver { recipe: PyTuple::new(py, [make, arguments.into_any()])?.unbind(), ..base };
         Ok(PyClassInitializer::from(base).add_subclass(Self))
     }
 }
+
+/// What a scene and links make, and whether links are looked at; `None` without either.
+fn surroundings_of(
+    chain: &Chain,
+    scene: Option<&Bound<'_, PyScene>>,
+    links: Option<&Bound<'_, PyLinkGeometry>>,
+    self_collision: Option<SelfCollision>,
+) -> PyResult<Option<(Surroundings, bool)>> {
+    let given = links.map(|links| geometry_of(links, chain)).transpose()?;
+    let own = SelfCollision::decided(self_collision, given.as_ref())?;
+    if scene.is_none() && !own {
+        return Ok(None);
+    }
+    let geometry = match given {
+        Some(given) => given,
+        None => {
+            let capsules = LinkGeometry::joint_to_joint(chain, LINK_RADIUS).map_err(to_py)?;
+            if own { capsules.with_capsule_pairs(chain).map_err(to_py)? } else { capsules }
+        }
+    };
+    let scene = scene.map(|scene| &scene.get().scene);
+    Ok(Some((Surroundings::new(chain, &geometry, scene, own).map_err(to_py)?, own)))
+}
+
+/// Names of the two of a pair and their distance, m.
+type PairText = (String, String, f64);
 
 /// A default that is a word, or what the caller gave.
 #[derive(FromPyObject)]
@@ -358,6 +424,7 @@ pub struct PyStep {
     qd: Vec<f64>,
     report: StepReport,
     active: Vec<ActiveLimit>,
+    pairs: Vec<PairText>,
     chain: Py<PyChain>,
     task: Task,
 }
@@ -419,6 +486,12 @@ impl PyStep {
             .collect()
     }
 
+    /// Pairs that held the step back: two names and their distance, m.
+    #[getter]
+    fn limiting_pairs(&self) -> Vec<PairText> {
+        self.pairs.clone()
+    }
+
     /// Least singular value of the task Jacobian, exact, computed on request.
     #[getter]
     fn sigma_min(&self) -> PyResult<f64> {
@@ -441,7 +514,16 @@ impl PyStep {
         let status = report.status.as_str().to_owned();
         Ok((
             make,
-            (self.chain.clone_ref(py), task, self.q.clone(), self.qd.clone(), status, numbers, flags, active),
+            (
+                self.chain.clone_ref(py),
+                task,
+                self.q.clone(),
+                self.qd.clone(),
+                status,
+                numbers,
+                flags,
+                (active, self.pairs.clone()),
+            ),
         ))
     }
 
@@ -455,8 +537,9 @@ impl PyStep {
         status: &str,
         numbers: (f64, f64, f64),
         flags: (bool, bool),
-        active: Vec<(usize, String, bool)>,
+        limits: (Vec<(usize, String, bool)>, Vec<PairText>),
     ) -> PyResult<Self> {
+        let (active, pairs) = limits;
         use redundancy_core::velocity::LimitKind;
         let unknown =
             || to_py(Error::Invalid(format!("a step with the status '{status}' cannot be restored")));
@@ -477,7 +560,7 @@ impl PyStep {
             algorithmic: flags.1,
         };
         let active = active.into_iter().map(limit).collect::<PyResult<_>>()?;
-        Ok(Self { q, qd, report, active, chain, task: read_task(task)? })
+        Ok(Self { q, qd, report, active, pairs, chain, task: read_task(task)? })
     }
 }
 
@@ -489,11 +572,11 @@ type StepParts = (
     String,
     (f64, f64, f64),
     (bool, bool),
-    Vec<(usize, String, bool)>,
+    (Vec<(usize, String, bool)>, Vec<PairText>),
 );
 
-/// A trajectory that followed a path in closed loop.
-#[pyclass(name = "Track", module = "redundancy", frozen, extends = PyTrajectory)]
+/// A plan that followed a path in closed loop.
+#[pyclass(name = "Track", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyTrack {
     position_error: f64,
     orientation_error: f64,
@@ -513,36 +596,42 @@ impl PyTrack {
         self.orientation_error
     }
 
-    /// What the run did: always `converged`, since a run that is stopped raises.
-    #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        status_to_py(py, Status::Converged)
+    fn __repr__(this: &Bound<'_, Self>) -> String {
+        let (plan, own) = (&this.as_super().get().plan, this.get());
+        let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
+        let (position, orientation) = (own.position_error, own.orientation_error);
+        format!(
+            "Track({} rows, {}, off by at most {position:.3e} m and {orientation:.3e} rad{reason})",
+            plan.rows(),
+            plan.status()
+        )
     }
 
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let py = this.py();
-        let trajectory = PyTrajectory { trajectory: this.as_super().get().trajectory.clone() };
-        let track = this.get();
-        let arguments = (trajectory, track.position_error, track.orientation_error).into_pyobject(py)?;
-        Ok((py.get_type::<Self>().getattr("_make")?, arguments))
+        let (own, arrays) = (this.get(), PyPlan::everything(this.as_super())?);
+        let arguments = (arrays, own.position_error, own.orientation_error);
+        Ok((this.get_type().getattr("_make")?, arguments.into_pyobject(this.py())?))
     }
 
     /// Inverse of pickling.
     #[staticmethod]
     fn _make<'py>(
-        trajectory: &Bound<'py, PyTrajectory>,
+        arrays: &Bound<'py, PyAny>,
         position_error: f64,
         orientation_error: f64,
     ) -> PyResult<Bound<'py, Self>> {
-        let base = PyTrajectory { trajectory: trajectory.get().trajectory.clone() };
+        let plan = plan_of(arrays)?;
         let track = Self { position_error, orientation_error };
-        Bound::new(trajectory.py(), PyClassInitializer::from(base).add_subclass(track))
+        Bound::new(arrays.py(), plan_initializer(plan).add_subclass(track))
     }
 }
 
 /// Follows a path in closed loop with a velocity scheme.
 #[pyfunction(name = "track")]
-#[pyo3(signature = (chain, resolver, path, q0, dt, feedback=5.0))]
+#[pyo3(signature = (chain, resolver, path, q0, dt, feedback=5.0, *, tolerance=None, scene=None, links=None,
+    self_collision=None, progress=None, time_limit=None),
+    text_signature = "(chain, resolver, path, q0, dt, feedback=5.0, *, tolerance=None, scene=None, links=None, \
+        self_collision='auto', progress=None, time_limit=None)")]
 pub fn py_track<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
@@ -551,6 +640,12 @@ pub fn py_track<'py>(
     q0: &Bound<'py, PyAny>,
     dt: f64,
     feedback: f64,
+    tolerance: Option<(f64, f64)>,
+    scene: Option<&Bound<'py, PyScene>>,
+    links: Option<&Bound<'py, PyLinkGeometry>>,
+    self_collision: Option<SelfCollision>,
+    progress: Option<Py<PyAny>>,
+    time_limit: Option<f64>,
 ) -> PyResult<Bound<'py, PyTrack>> {
     let resolver = resolver.get().lock().boxed();
     if chain.get().chain != *resolver.chain() {
@@ -559,25 +654,17 @@ pub fn py_track<'py>(
         return Err(to_py(Error::Invalid(message)));
     }
     let q0 = read_vector(q0, "q0", None)?;
-    let settings = TrackSettings { dt, feedback, block: BLOCK };
-    let path = path.get();
-    let mut interrupt = None;
-    let done: redundancy_core::Result<Track> =
-        py.detach(|| {
-            track(&*resolver, &path.path, &q0, &settings, &mut |_| match Python::attach(|py| {
-                py.check_signals()
-            }) {
-                Ok(()) => true,
-                Err(error) => {
-                    interrupt = Some(error);
-                    false
-                }
-            })
-        });
-    if let Some(error) = interrupt {
-        return Err(error);
+    let mut settings = TrackSettings::new(dt, feedback);
+    if let Some(tolerance) = tolerance {
+        (settings.position_tolerance, settings.orientation_tolerance) = tolerance;
     }
-    let done = done.map_err(to_py)?;
-    let track = PyTrack { position_error: done.position_error, orientation_error: done.orientation_error };
-    Bound::new(py, PyClassInitializer::from(PyTrajectory::from(done.trajectory)).add_subclass(track))
+    let path = &path.get().path;
+    let given = surroundings_of(resolver.chain(), scene, links, self_collision)?;
+    let around = given.as_ref().map(|(around, _)| around).or(resolver.surroundings());
+    let done = watched(py, progress, time_limit, |watch| {
+        track_beside(&*resolver, path, &q0, &settings, around, watch)
+    })?;
+    let Track { plan, position_error, orientation_error } = done;
+    let track = PyTrack { position_error, orientation_error };
+    Bound::new(py, plan_initializer(plan).add_subclass(track))
 }

@@ -5,21 +5,30 @@
 //! position nearest to 0 within their limits otherwise; a joint that mimics another one follows it. So each body is fixed
 //! to a link of the chain.
 
+#[cfg(feature = "urdf")]
 use std::collections::{HashMap, HashSet, VecDeque};
+#[cfg(feature = "urdf")]
 use std::path::Path;
 
+#[cfg(feature = "urdf")]
 use nalgebra::{Rotation3, Unit, Vector3};
+#[cfg(feature = "urdf")]
 use roxmltree::Node;
 
+#[cfg(feature = "urdf")]
 use super::chain::Chain;
+#[cfg(feature = "urdf")]
 use super::urdf::{
     self, JointNode, Tree, Version, attribute, bad, element, elements, numbers, parse, placed,
 };
+#[cfg(feature = "urdf")]
 use crate::error::{Error, Result};
 use crate::pose::Pose;
 
+#[cfg(feature = "urdf")]
 /// Most links with bodies, and most bodies: each pair of links may have to be looked at. Humanoids have a hundred.
 const MAX_BODIED_LINKS: usize = 500;
+#[cfg(feature = "urdf")]
 const MAX_BODIES: usize = 5_000;
 
 /// The shape of a collision body, in its own frame.
@@ -81,6 +90,7 @@ pub struct CollisionModel {
     pub neighbours: Vec<[String; 2]>,
 }
 
+#[cfg(feature = "urdf")]
 impl Chain {
     /// The collision geometry of a URDF file from which this chain was read (or that has links of the same names).
     ///
@@ -234,6 +244,7 @@ impl Chain {
     }
 }
 
+#[cfg(feature = "urdf")]
 /// The position nearest to 0 within the limits of a joint.
 fn neutral(joint: &JointNode) -> Result<f64> {
     let Some(limit) = element(joint.node, "limit").filter(|_| joint.kind != "continuous") else {
@@ -254,6 +265,7 @@ fn neutral(joint: &JointNode) -> Result<f64> {
     Ok(zero)
 }
 
+#[cfg(feature = "urdf")]
 /// From the child of a joint at a position to its parent.
 fn motion(joint: &JointNode, position: f64, version: Version) -> Result<Pose> {
     let what = format!("joint '{}'", joint.name);
@@ -274,6 +286,7 @@ fn motion(joint: &JointNode, position: f64, version: Version) -> Result<Pose> {
     })
 }
 
+#[cfg(feature = "urdf")]
 /// Links with bodies that a joint connects, or joints over links without.
 fn neighbours(tree: &Tree<'_, '_>) -> Vec<[String; 2]> {
     let bodied: Vec<bool> =
@@ -301,6 +314,7 @@ fn neighbours(tree: &Tree<'_, '_>) -> Vec<[String; 2]> {
     out
 }
 
+#[cfg(feature = "urdf")]
 /// The pose in `<origin>`; the identity without one.
 fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     let Some(element) = element(node, "origin") else { return Ok(Pose::identity()) };
@@ -311,6 +325,7 @@ fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     placed(values("xyz")?, values("rpy")?, node, &what, version)
 }
 
+#[cfg(feature = "urdf")]
 fn shape(collision: Node, what: &str) -> Result<CollisionShape> {
     let geometry = element(collision, "geometry").ok_or_else(|| bad(format!("{what} has no <geometry>")))?;
     let Some(node) = geometry.children().find(Node::is_element) else {
@@ -354,6 +369,7 @@ fn shape(collision: Node, what: &str) -> Result<CollisionShape> {
     }
 }
 
+#[cfg(feature = "urdf")]
 fn positive(what: &str, value: f64) -> Result<f64> {
     if value > 0.0 {
         return Ok(value);

@@ -5,6 +5,7 @@
 //! URDF ([`urdf`]) or from the compiled-in [`catalog`].
 
 pub mod catalog;
+#[cfg(feature = "urdf")]
 pub mod urdf;
 
 mod builder;
@@ -13,6 +14,8 @@ mod chain;
 mod collision;
 mod dh;
 mod joint;
+mod windings;
+#[cfg(feature = "urdf")]
 pub(crate) mod xml;
 
 pub use builder::ChainBuilder;
@@ -20,6 +23,7 @@ pub use chain::{Chain, Link};
 pub use collision::{CollisionBody, CollisionModel, CollisionShape};
 pub use dh::{DhConvention, DhRow};
 pub use joint::{Inertia, Joint, JointKind, Limits};
+#[cfg(feature = "urdf")]
 pub use urdf::MissingLimits;
 
 pub(crate) use chain::{Body, Step, axis_onto_z};

@@ -72,7 +72,7 @@ pub struct Stationarity<'a> {
 }
 
 impl<'a> Stationarity<'a> {
-    /// For `criterion` on the configurations over one value of `task`.
+    /// For `criterion` on the configurations over one value of `task`: what it is [for that task](Criterion::for_task).
     ///
     /// # Errors
     /// A criterion for another number of joints; a task with as many coordinates as the chain has joints, or more: no
@@ -85,6 +85,7 @@ impl<'a> Stationarity<'a> {
         let (n, m) = (chain.dof(), task.dim());
         check_dof(criterion.get(), n)?;
         check_redundant(chain, &task)?;
+        let criterion = criterion.get().for_task(&task).map_or(criterion, Handle::Shared);
         let r = n - m;
         Ok(Self {
             chain: chain.clone(),

@@ -34,6 +34,11 @@ impl Scratch {
         self.axes.len()
     }
 
+    /// The kinematics at the last `q`.
+    pub(crate) fn last(&self) -> Kinematics<'_> {
+        Kinematics::new(self)
+    }
+
     /// Pose of the tool at the last `q`.
     pub(crate) fn pose(&self) -> &Pose {
         &self.pose

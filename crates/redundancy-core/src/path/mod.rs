@@ -26,11 +26,14 @@
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
 mod bspline;
+#[cfg(feature = "io")]
+mod files;
 #[allow(clippy::module_inception)]
 mod path;
 mod plan;
 mod shapes;
 mod spline;
+#[cfg(feature = "io")]
 mod table;
 mod timed;
 mod timing;
@@ -38,6 +41,7 @@ mod trajectory;
 
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint, Shape};
+pub(crate) use plan::broken_limits;
 pub use plan::{BlockedPoint, Pieces, Plan, PlanBuilder, Reconfiguration, SpareCoordinate};
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;

@@ -1,13 +1,27 @@
 //! Whole paths: which configuration and which tool orientation, point by point and all at once.
 
+mod demand;
+mod fill;
 mod layers;
 mod local;
+mod nodes;
 mod painting;
+mod planner;
+mod pull;
+mod refine;
+mod search;
 mod swivel_plan;
+mod tool;
 
-pub use local::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings, Track, TrackSettings, track};
-pub use painting::{
-    BarrierRule, OrientationPlan, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin,
-    SpinRange, Surface, plan_orientation, tool_down,
+pub use demand::{Objective, PlanSettings};
+pub use layers::srs::settings::{SwivelChoice, SwivelPlanSettings};
+pub use local::{
+    FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings, Track, TrackSettings, track, track_beside,
 };
-pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+pub use painting::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
+#[cfg(feature = "plan")]
+pub use painting::{
+    Bottleneck, OrientationPlan, OrientationPlanSettings, SpeedBound, SpinRange, plan_orientation,
+};
+pub use planner::plan;
+pub use swivel_plan::plan_swivel;

@@ -1,7 +1,6 @@
 //! How near an arm is to the obstacles of a scene: the nearest pair, and the nearest of each link.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::geometry::LinkGeometry;
 use super::proximity::{Contact, Proximity, ProximityMemory, Thing, Visitor};
@@ -10,6 +9,7 @@ use super::surroundings::Surroundings;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::{Kinematics, Scratch};
+use crate::parallel::prelude::*;
 
 /// Configurations that one task of the pool takes at least.
 const ROWS_PER_TASK: usize = 32;
@@ -102,6 +102,73 @@ impl LinkGeometry {
             let mut least = NearestSelf { kinematics: &kinematics, nearest };
             around.scan(&kinematics, 0.0, memory, &mut least);
             least.nearest
+        };
+        let rows = q.par_chunks_exact(n).with_min_len(ROWS_PER_TASK);
+        Ok(rows.map_init(|| (Scratch::new(chain), ProximityMemory::new()), one).collect())
+    }
+}
+
+/// A pair of links and how near they are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairClearance {
+    /// The two links, as indices in [`LinkGeometry::names`].
+    pub links: [usize; 2],
+    /// Signed distance of the nearest of their shapes, m.
+    pub distance: f64,
+    /// Its derivative by the joints (n).
+    pub gradient: Vec<f64>,
+}
+
+struct NearPairs<'a, 'k> {
+    kinematics: &'a Kinematics<'k>,
+    cutoff: f64,
+    pairs: Vec<PairClearance>,
+}
+
+impl Visitor for NearPairs<'_, '_> {
+    fn limit(&self, first: Thing, second: Thing) -> f64 {
+        // Shapes of the same pair follow each other.
+        let last = self.pairs.last().filter(|last| same(last, first, second));
+        last.map_or(self.cutoff, |last| last.distance)
+    }
+
+    fn found(&mut self, contact: &Contact<'_>) -> bool {
+        let (Thing::Link(a), Thing::Link(b)) = (contact.first, contact.second) else { return true };
+        if !self.pairs.last().is_some_and(|last| same(last, contact.first, contact.second)) {
+            let gradient = vec![0.0; self.kinematics.origins().len()];
+            self.pairs.push(PairClearance { links: [a, b], distance: self.cutoff, gradient });
+        }
+        if let Some(pair) = self.pairs.last_mut() {
+            pair.links = [a, b];
+            pair.distance = contact.gap.distance;
+            pair.gradient.fill(0.0);
+            contact.add_gradient(self.kinematics, 1.0, &mut pair.gradient);
+        }
+        true
+    }
+}
+
+fn same(pair: &PairClearance, first: Thing, second: Thing) -> bool {
+    let [a, b] = pair.links.map(Thing::Link);
+    (a, b) == (first, second) || (b, a) == (first, second)
+}
+
+impl LinkGeometry {
+    /// All pairs of links that are nearer than `cutoff` (m), in each of `N` configurations (`N * dof` numbers).
+    ///
+    /// # Errors
+    /// As of [`LinkGeometry::self_clearance`].
+    pub fn pair_clearances(&self, chain: &Chain, q: &[f64], cutoff: f64) -> Result<Vec<Vec<PairClearance>>> {
+        if cutoff.is_nan() {
+            return Err(Error::NotFinite { what: "cutoff".into(), index: 0, value: cutoff });
+        }
+        let around = Surroundings::new(chain, self, None, true)?;
+        let n = rows_of(chain, q)?;
+        let one = |(scratch, memory): &mut (Scratch, ProximityMemory), q: &[f64]| {
+            let kinematics = chain.kinematics_unchecked(q, scratch);
+            let mut near = NearPairs { kinematics: &kinematics, cutoff, pairs: Vec::new() };
+            around.scan(&kinematics, 0.0, memory, &mut near);
+            near.pairs
         };
         let rows = q.par_chunks_exact(n).with_min_len(ROWS_PER_TASK);
         Ok(rows.map_init(|| (Scratch::new(chain), ProximityMemory::new()), one).collect())

@@ -1,75 +1,15 @@
 //! The body of an arm: the shapes of its links, and which links must not touch each other.
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
-
 use super::body::Body;
-use super::core_shape::Core;
-use super::decompose::decompose;
-use super::hull::Hull;
-use super::mesh::{TriangleMesh, locate};
 use super::obstacle::Shape;
-use super::pairs::{self, Found, Links, Reason, Srdf};
+use super::pairs::{self, Found, Links, Reason};
 use super::solid::Solid;
-use crate::chain::{Chain, CollisionBody, CollisionModel, CollisionShape, JointKind};
+use crate::chain::{Chain, JointKind};
 use crate::error::{Error, Result, check_finite};
-use crate::pose::{Pose, check_pose, pose};
+use crate::pose::{Pose, check_pose};
 use crate::tolerance::{LINK_LENGTH, SCENE_SIZE};
-
-/// What the meshes of a URDF become.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum LinkMeshes {
-    /// Their convex hulls.
-    #[default]
-    Hull,
-    /// Convex pieces that contain their surface together.
-    Decompose,
-    /// An error that names the link.
-    Refuse,
-}
-
-impl LinkMeshes {
-    /// Every kind.
-    pub const ALL: [Self; 3] = [Self::Hull, Self::Decompose, Self::Refuse];
-
-    /// The kind as a word.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Hull => "hull",
-            Self::Decompose => "decompose",
-            Self::Refuse => "refuse",
-        }
-    }
-
-    /// The kind with this name.
-    ///
-    /// # Errors
-    /// An unknown name; the message lists the known ones.
-    pub fn from_name(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|kind| kind.as_str() == name).ok_or_else(|| {
-            let valid = Self::ALL.iter().map(|kind| kind.as_str().to_owned()).collect();
-            Error::UnknownName { kind: "meshes", name: name.into(), valid }
-        })
-    }
-}
-
-/// How a URDF becomes a [`LinkGeometry`].
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct UrdfOptions {
-    /// What its meshes become.
-    pub meshes: LinkMeshes,
-    /// Folders in which packages and relative names are looked for.
-    pub package_dirs: Vec<PathBuf>,
-    /// A file that says which links may touch; without it the pairs are found, see [`LinkGeometry::find_pairs`].
-    pub srdf: Option<PathBuf>,
-    /// Every shape counts with everything within this distance, m.
-    pub padding: f64,
-    /// Positions of joints that are not the chain's, rad or m.
-    pub posture: Vec<(String, f64)>,
-}
 
 /// The shapes of the links of an arm, and the pairs of links that must not touch. Immutable and cheap to clone.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -122,81 +62,6 @@ impl LinkGeometry {
             inner.bodies.push(Body::behind_joint(chain, joint, owner, radius));
         }
         Ok(Self { inner: Arc::new(inner) })
-    }
-
-    /// The collision geometry of a URDF file: the links of the chain, and all that stands with it, is beyond its tip or hangs on
-    /// joints that are not its own.
-    ///
-    /// # Errors
-    /// As of [`Chain::collision_from_urdf`]; a mesh that is missing or broken, or refused; no collision geometry at all; an SRDF
-    /// that cannot be read.
-    pub fn from_urdf(chain: &Chain, path: impl AsRef<Path>, options: &UrdfOptions) -> Result<Self> {
-        let path = path.as_ref();
-        let model = chain.collision_from_urdf(path, &options.posture)?;
-        let home = std::path::absolute(path).ok().and_then(|path| path.parent().map(Path::to_path_buf));
-        Self::of_model(chain, &model, home.as_deref(), options)
-    }
-
-    /// The same from the text of a URDF; its files are looked for from the folder `home` on.
-    ///
-    /// # Errors
-    /// As of [`LinkGeometry::from_urdf`].
-    ///
-    /// ```
-    /// use redundancy_core::chain::{Chain, MissingLimits};
-    /// use redundancy_core::scene::{LinkGeometry, UrdfOptions};
-    /// let xml = r#"<robot name="r"> <link name="a"/>
-    ///   <link name="b"><collision><origin xyz="0 0 0.2"/><geometry><cylinder radius="0.05" length="0.4"/></geometry></collision></link>
-    ///   <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>
-    /// </robot>"#;
-    /// let chain = Chain::from_urdf_string(xml, None, None, MissingLimits::Refuse)?;
-    /// let arm = LinkGeometry::from_urdf_string(&chain, xml, None, &UrdfOptions::default())?;
-    /// assert_eq!(arm.names(), ["b"]);
-    /// # Ok::<(), redundancy_core::Error>(())
-    /// ```
-    pub fn from_urdf_string(
-        chain: &Chain,
-        xml: &str,
-        home: Option<&Path>,
-        options: &UrdfOptions,
-    ) -> Result<Self> {
-        let model = chain.collision_from_urdf_string(xml, &options.posture)?;
-        Self::of_model(chain, &model, home, options)
-    }
-
-    fn of_model(
-        chain: &Chain,
-        model: &CollisionModel,
-        home: Option<&Path>,
-        options: &UrdfOptions,
-    ) -> Result<Self> {
-        check_radius("padding", options.padding)?;
-        if model.bodies.is_empty() {
-            return Err(Error::Description(format!(
-                "the links of '{}' have no collision geometry; give them a radius instead",
-                chain.name()
-            )));
-        }
-        let mut inner = Inner::default();
-        let mut files: Vec<(String, TriangleMesh)> = Vec::new();
-        for body in &model.bodies {
-            let owner = inner.owner(&body.name, chain.link(body.link)?.joints_before);
-            for solid in solids_of(body, home, options, &mut files)? {
-                inner.bodies.push(Body::on_link(chain, body.link, owner, solid)?);
-            }
-        }
-        let index: HashMap<&str, usize> =
-            inner.names.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
-        let known = |[a, b]: &[String; 2]| Some(sorted([*index.get(a.as_str())?, *index.get(b.as_str())?]));
-        let mut neighbours: Vec<[usize; 2]> = model.neighbours.iter().filter_map(known).collect();
-        neighbours.sort_unstable();
-        neighbours.dedup();
-        inner.neighbours = neighbours;
-        let geometry = Self { inner: Arc::new(inner) };
-        match &options.srdf {
-            Some(path) => geometry.with_srdf(&Srdf::from_file(path)?),
-            None => geometry.find_pairs(chain, &mut |_| true),
-        }
     }
 
     /// With one more shape, in the frame `at` of a link: a tool, a hose, a camera. The link is one of the geometry or of the
@@ -329,14 +194,6 @@ impl LinkGeometry {
         })
     }
 
-    /// With the pairs that an SRDF leaves: all of links that move against each other but those it disables.
-    ///
-    /// # Errors
-    /// None for an SRDF that was read; links that it does not know are not in its way.
-    pub fn with_srdf(&self, srdf: &Srdf) -> Result<Self> {
-        Ok(self.with_found(srdf.apply(&self.to_find())))
-    }
-
     /// With pairs that are found: links that a joint connects, links that touch in nearly all of a number of seeded
     /// configurations, and links that never come near each other are left out. `go_on` is asked now and then with the share that
     /// is done; where it ends the search, what was not seen to touch is looked at.
@@ -361,12 +218,12 @@ impl LinkGeometry {
         pairs::to_srdf(robot, &self.to_find(), self.left_out())
     }
 
-    fn to_find(&self) -> Links<'_> {
+    pub(super) fn to_find(&self) -> Links<'_> {
         let Inner { names, groups, bodies, neighbours, .. } = &*self.inner;
         Links { names, groups, bodies, neighbours }
     }
 
-    fn with_found(&self, found: Found) -> Self {
+    pub(super) fn with_found(&self, found: Found) -> Self {
         let mut inner = (*self.inner).clone();
         inner.pairs = Some(found.kept);
         inner.left_out = found.left_out;
@@ -393,7 +250,7 @@ impl LinkGeometry {
 
 impl Inner {
     /// The index of a name, which is new maybe.
-    fn owner(&mut self, name: &str, group: usize) -> usize {
+    pub fn owner(&mut self, name: &str, group: usize) -> usize {
         match self.names.iter().position(|known| known == name) {
             Some(owner) => owner,
             None => {
@@ -405,100 +262,16 @@ impl Inner {
     }
 }
 
-fn sorted(mut pair: [usize; 2]) -> [usize; 2] {
+pub(super) fn sorted(mut pair: [usize; 2]) -> [usize; 2] {
     pair.sort_unstable();
     pair
 }
 
-fn check_radius(what: &str, radius: f64) -> Result<()> {
+pub(super) fn check_radius(what: &str, radius: f64) -> Result<()> {
     check_finite(what, &[radius])?;
     if !(0.0..=SCENE_SIZE).contains(&radius) {
         let bound = format!("between 0 and {SCENE_SIZE:e} m");
         return Err(Error::OutOfRange { what: what.into(), value: radius, bound });
     }
     Ok(())
-}
-
-/// A collision body in the frame of its link.
-fn solids_of(
-    body: &CollisionBody,
-    home: Option<&Path>,
-    options: &UrdfOptions,
-    files: &mut Vec<(String, TriangleMesh)>,
-) -> Result<Vec<Solid>> {
-    let (at, padding) = (&body.pose, options.padding);
-    let along_z = |half: f64| {
-        let end = |side: f64| (at * nalgebra::Point3::new(0.0, 0.0, side)).coords;
-        (end(-half), end(half))
-    };
-    Ok(vec![match &body.shape {
-        CollisionShape::Sphere { radius } => {
-            let center = at.translation.vector;
-            Solid::capsule(&center, &center, radius + padding)
-        }
-        CollisionShape::Capsule { radius, length } => {
-            let (start, end) = along_z(0.5 * length);
-            Solid::capsule(&start, &end, radius + padding)
-        }
-        CollisionShape::Cylinder { radius, length } => {
-            Solid::convex(Core::Cylinder { radius: *radius, half: 0.5 * length }, at, padding)
-        }
-        CollisionShape::Box { half_extents } => {
-            Solid::convex(Core::Box(Vector3::from(*half_extents)), at, padding)
-        }
-        CollisionShape::Mesh { file, scale } => {
-            let named = |error: Error| match error {
-                Error::File { file, message } => {
-                    Error::File { file, message: format!("mesh of link '{}': {message}", body.name) }
-                }
-                other => Error::Description(format!("mesh of link '{}': {other}", body.name)),
-            };
-            return mesh_solids(file, scale, at, home, options, files).map_err(named);
-        }
-    }])
-}
-
-fn mesh_solids(
-    file: &str,
-    scale: &[f64; 3],
-    at: &Pose,
-    home: Option<&Path>,
-    options: &UrdfOptions,
-    files: &mut Vec<(String, TriangleMesh)>,
-) -> Result<Vec<Solid>> {
-    if options.meshes == LinkMeshes::Refuse {
-        return Err(Error::Description(
-            "meshes are refused; ask for meshes=\"hull\" or \"decompose\"".into(),
-        ));
-    }
-    let mesh = match files.iter().find(|(name, _)| name == file) {
-        Some((_, mesh)) => mesh.clone(),
-        None => {
-            let mesh = TriangleMesh::from_file(locate(file, home, &options.package_dirs)?)?;
-            files.push((file.into(), mesh.clone()));
-            mesh
-        }
-    };
-    let scale = Vector3::from(*scale);
-    let mirrors = scale.product() < 0.0;
-    let scaled =
-        if scale == Vector3::repeat(1.0) { mesh } else { mesh.mapped(|v| v.component_mul(&scale), mirrors)? };
-    // The hull in the frame of the link.
-    let place = |p: &[f64; 3]| -> [f64; 3] { (at * nalgebra::Point3::from(*p)).coords.into() };
-    let hull = |points: &[[f64; 3]]| {
-        let placed: Vec<[f64; 3]> = points.iter().map(place).collect();
-        Hull::new(&placed).map(|hull| {
-            Solid::convex(
-                Core::Hull(Arc::new(hull)),
-                &pose(Matrix3::identity(), Vector3::zeros()),
-                options.padding,
-            )
-        })
-    };
-    Ok(match options.meshes {
-        LinkMeshes::Decompose => {
-            decompose(&scaled)?.iter().filter_map(|piece| hull(piece.points())).collect()
-        }
-        _ => hull(scaled.vertices()).into_iter().collect(),
-    })
 }

@@ -10,7 +10,8 @@
 //! | `geometry`, `body`, `pairs` | shapes of links, SRDF, pairs that are found |
 //! | `mesh/` | readers for STL, OBJ and DAE |
 //! | `distance` | closed forms for capsules |
-//! | `hull`, `core_shape`, `convex`, `surface`, `decompose` | convex shapes and triangles; `convex` and `decompose` call parry |
+//! | `hull`, `core_shape`, `support`, `convex`, `surface` | convex shapes and triangles |
+//! | `gjk`, `decompose` | what calls parry; `gilbert` is there without the feature `mesh` |
 //! | `solid`, `narrow` | rounded shapes, which method for which pair |
 //! | `proximity`, `surroundings` | the trait, and what implements it |
 
@@ -20,11 +21,23 @@ mod body;
 mod clearance;
 mod convex;
 mod core_shape;
+#[cfg(feature = "mesh")]
+mod decompose;
+#[cfg(not(feature = "mesh"))]
+#[path = "decompose_off.rs"]
 mod decompose;
 mod freedom;
 mod geometry;
+#[cfg(feature = "io")]
 mod geometry_json;
+#[cfg(feature = "urdf")]
+mod geometry_urdf;
+#[cfg(not(feature = "mesh"))]
+mod gilbert;
+#[cfg(feature = "mesh")]
+mod gjk;
 mod hull;
+#[cfg(feature = "io")]
 mod json;
 mod mesh;
 mod mesh_obstacle;
@@ -36,23 +49,30 @@ mod proximity;
 mod scene;
 mod segment;
 mod solid;
+#[cfg(feature = "urdf")]
+mod srdf;
+mod support;
 mod surface;
 mod surroundings;
 
-pub use clearance::{ByLink, NearestPair, SelfClearance};
+pub use clearance::{ByLink, NearestPair, PairClearance, SelfClearance};
 pub use distance::Nearest;
 pub use freedom::split_by_freedom;
-pub use geometry::{LinkGeometry, LinkMeshes, UrdfOptions};
+pub use geometry::LinkGeometry;
+#[cfg(feature = "urdf")]
+pub use geometry_urdf::{LinkMeshes, UrdfOptions};
 pub use mesh::{TriangleMesh, locate};
 pub use mesh_obstacle::{Mesh, MeshSolid};
 pub use narrow::Gap;
 pub use obstacle::{Capsule, Cuboid, Cylinder, HalfSpace, Obstacle, Shape, Sphere};
-pub use pairs::{Reason, Srdf};
+pub use pairs::Reason;
 pub use proximity::{
     Contact, Nearby, Proof, Proximity, ProximityMemory, SweepHit, SweepMemory, Thing, Visitor, sweep,
 };
 pub use scene::Scene;
 pub use segment::segment_distance;
+#[cfg(feature = "urdf")]
+pub use srdf::Srdf;
 pub use surroundings::Surroundings;
 
 pub(crate) use proximity::with_memory;

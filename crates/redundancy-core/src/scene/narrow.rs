@@ -10,11 +10,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::convex::{Answer, Convex, Memory, distance};
+use super::convex::{Answer, Memory, distance};
 use super::core_shape::Core;
 use super::distance::{Nearest, to_box, to_capsule};
 use super::obstacle::{Capsule, Cuboid};
 use super::solid::{Form, Rod, Solid};
+use super::support::Convex;
 use crate::pose::pose;
 
 /// Where a frame is.

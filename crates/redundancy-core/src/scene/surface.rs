@@ -7,9 +7,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::convex::{Answer, Convex, Memory, Separation, distance};
+use super::convex::{Answer, Memory, Separation, distance};
 use super::core_shape::Core;
 use super::mesh::TriangleMesh;
+use super::support::Convex;
 
 /// Most triangles of a leaf.
 const LEAF: usize = 4;

@@ -8,7 +8,7 @@ use super::StepInput;
 use crate::chain::Chain;
 use crate::criterion::{self, Criterion};
 use crate::error::{Error, Result, check_vector};
-use crate::kinematics::{Scratch, Task};
+use crate::kinematics::{Kinematics, Scratch, Task};
 
 /// An arm, a task, a criterion, and the memory for one step.
 #[derive(Debug, Clone)]
@@ -79,6 +79,11 @@ impl Local {
             self.ascent.iter_mut().for_each(|x| *x *= sign);
         }
         Ok(())
+    }
+
+    /// The kinematics at the last q.
+    pub fn kinematics(&self) -> Kinematics<'_> {
+        self.scratch.last()
     }
 
     /// The columns of the Jacobian.

@@ -12,6 +12,7 @@
 //! so that it never moves the tool. Every step reports what it did: damping, change of basis, scale, active limits.
 
 mod box_projection;
+mod contact;
 mod damping;
 mod exchange;
 mod extended_jacobian;
@@ -24,6 +25,7 @@ mod saturation;
 mod singular_values;
 mod step_size;
 
+pub use contact::{ContactSettings, LimitingPair};
 pub use damping::Damping;
 pub use extended_jacobian::ExtendedJacobian;
 pub use projected_gradient::ProjectedGradient;
@@ -34,6 +36,7 @@ pub use step_size::Gain;
 use crate::chain::Chain;
 use crate::error::Result;
 use crate::kinematics::Task;
+use crate::scene::Surroundings;
 use crate::status::Status;
 
 /// What one step starts from.
@@ -119,6 +122,21 @@ pub trait Resolver: Send + Sync + std::fmt::Debug {
     /// The limits that acted on the last step.
     fn active_limits(&self) -> &[ActiveLimit] {
         &[]
+    }
+
+    /// The pairs that held the last step back, where the scheme keeps distances.
+    fn limiting_pairs(&self) -> &[LimitingPair] {
+        &[]
+    }
+
+    /// What the scheme keeps a distance from.
+    fn surroundings(&self) -> Option<&Surroundings> {
+        None
+    }
+
+    /// The time of the next step, s, for obstacles that move.
+    fn set_time(&mut self, t: f64) {
+        let _ = t;
     }
 
     /// The dependent joints of the last step, ascending; empty for schemes that have none.

@@ -17,10 +17,15 @@
 //! `v, v - a dt, ...` the joint has gone d. Without an acceleration limit it is `d / dt`. Where the bounds exclude each other,
 //! position comes before velocity before acceleration. A joint outside its limits is brought back, at once or as fast as
 //! its velocity limit allows.
+//!
+//! With surroundings ([`SaturatedNullspace::with_contacts`]) every near pair bounds the joint velocity too, by a row of the same
+//! problem; see the module `contact`. Where the rows exclude each other position comes first, then contact, velocity and
+//! acceleration: the joint velocity is then the one nearest to what the limits alone allow.
 
 use std::sync::Arc;
 
 use super::box_projection::{BoxProjection, Rows};
+use super::contact::{ContactSettings, Contacts, LimitingPair, MOST_PAIRS};
 use super::damping::Damping;
 use super::linear::{complement, distance, dot, times, write_rows};
 use super::local::{Local, by_dimension, required_dt};
@@ -31,6 +36,7 @@ use crate::chain::{Chain, Limits};
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
+use crate::scene::{Proximity, Surroundings};
 use crate::status::Status;
 use crate::tolerance::{BOX_VIOLATION, LIMIT_SLACK, UNREACHABLE_VELOCITY, YIELD_WEIGHT};
 
@@ -70,6 +76,18 @@ pub struct SaturatedNullspace {
     basis: Vec<f64>,
     by_joint: Vec<f64>,
     wish: Vec<f64>,
+    limited: RowMemory,
+}
+
+/// Rows of the joints and of the pairs: bounds, and what one unit of scale takes.
+#[derive(Debug, Clone)]
+struct RowMemory {
+    contacts: Option<Contacts>,
+    low: Vec<f64>,
+    high: Vec<f64>,
+    taken: Vec<f64>,
+    /// Rows over the joints themselves, where no scale is left.
+    whole: Vec<f64>,
 }
 
 /// Bounds of the joint velocities of one step.
@@ -78,6 +96,8 @@ struct Bounds {
     low: Vec<f64>,
     high: Vec<f64>,
     kinds: Vec<[LimitKind; 2]>,
+    /// By position alone, and by position and velocity.
+    wider: [Vec<(f64, f64)>; 2],
     /// A joint is outside its position limits.
     outside: Vec<ActiveLimit>,
 }
@@ -109,6 +129,7 @@ impl SaturatedNullspace {
                 low: vec![0.0; n],
                 high: vec![0.0; n],
                 kinds: vec![[LimitKind::Position; 2]; n],
+                wider: [vec![(0.0, 0.0); n], vec![(0.0, 0.0); n]],
                 outside: Vec::with_capacity(n),
             },
             projection: BoxProjection::new(n),
@@ -117,15 +138,40 @@ impl SaturatedNullspace {
             particular: vec![0.0; n],
             rows: vec![0.0; n * n],
             basis: vec![0.0; n * n],
-            by_joint: vec![0.0; n * n],
+            by_joint: vec![0.0; n * (n + MOST_PAIRS)],
             wish: Vec::with_capacity(n),
+            limited: RowMemory {
+                contacts: None,
+                low: Vec::with_capacity(n + MOST_PAIRS),
+                high: Vec::with_capacity(n + MOST_PAIRS),
+                taken: Vec::with_capacity(n + MOST_PAIRS),
+                whole: Vec::with_capacity(n * (n + MOST_PAIRS)),
+            },
         })
+    }
+
+    /// The same scheme that keeps its distance from obstacles, and links from each other.
+    ///
+    /// # Errors
+    /// Surroundings of another arm, invalid settings.
+    pub fn with_contacts(mut self, around: Surroundings, settings: ContactSettings) -> Result<Self> {
+        settings.validate()?;
+        if around.chain() != &self.local.chain {
+            let (other, own) = (around.chain().name(), self.local.chain.name());
+            return Err(Error::Invalid(format!("the surroundings are those of '{other}', not of '{own}'")));
+        }
+        let n = self.local.chain.dof();
+        self.limited.contacts = Some(Contacts::new(around, settings, n, 0.0));
+        Ok(self)
     }
 
     fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
         let dt = required_dt(input, "the saturated scheme")?;
         let n = self.local.chain.dof();
         self.bounds.update(&self.local.chain, input.q, input.qd, dt);
+        if let Some(contacts) = &mut self.limited.contacts {
+            contacts.update(&self.local.chain, &self.local.kinematics(), dt);
+        }
         self.active.clear();
         self.active.extend_from_slice(&self.bounds.outside);
         let columns = self.local.columns::<M>();
@@ -150,7 +196,8 @@ impl SaturatedNullspace {
         let lost = loss.rank_lost
             && loss.damping == 0.0
             && report.residual > UNREACHABLE_VELOCITY * (1.0 + dot(&v, &v).sqrt());
-        if !lost && self.bounds.contain(qd) {
+        let kept = self.limited.contacts.as_ref().is_none_or(|contacts| contacts.contain(qd));
+        if !lost && kept && self.bounds.contain(qd) {
             if !self.active.is_empty() {
                 report.status = Status::Limits;
             }
@@ -180,12 +227,13 @@ impl SaturatedNullspace {
             eta.fill(0.0);
             inverse.solve(&factor, columns, eta, &v, particular);
         }
+        self.limited.fill(&self.bounds, &self.particular, &self.basis[..r * n], &mut self.by_joint);
         let rows = Rows {
-            n: &self.by_joint[..n * r],
+            n: &self.by_joint[..self.limited.low.len() * r],
             r,
-            low: &self.bounds.low,
-            high: &self.bounds.high,
-            p: &self.particular,
+            low: &self.limited.low,
+            high: &self.limited.high,
+            p: &self.limited.taken,
         };
         let solved = self.projection.solve(&rows, &self.wish);
         report.scale = if lost { 0.0 } else { solved.unwrap_or(0.0) };
@@ -196,6 +244,12 @@ impl SaturatedNullspace {
                     *qd = (s * self.particular[i] + free).clamp(self.bounds.low[i], self.bounds.high[i]);
                 }
                 for (joint, upper) in self.projection.active() {
+                    if let Some(pair) = joint.checked_sub(n) {
+                        if let Some(contacts) = &mut self.limited.contacts {
+                            contacts.note(pair);
+                        }
+                        continue;
+                    }
                     let limit =
                         ActiveLimit { joint, kind: self.bounds.kinds[joint][usize::from(upper)], upper };
                     if !self.active.contains(&limit) {
@@ -211,6 +265,7 @@ impl SaturatedNullspace {
             }
             None => {
                 self.bounds.approach(columns, &v, qd);
+                self.limited.yield_to_contacts(&self.bounds, &mut self.projection, qd);
                 self.bounds.report(qd, &mut self.active);
                 report.status = Status::Limits;
                 report.residual = distance(&times(columns, qd), &v);
@@ -218,6 +273,85 @@ impl SaturatedNullspace {
         }
         Ok(report)
     }
+}
+
+impl RowMemory {
+    /// Rows of the joints and the pairs over the null space: `by_joint` has those of the joints, and gets those of the pairs.
+    fn fill(&mut self, bounds: &Bounds, particular: &[f64], basis: &[f64], by_joint: &mut [f64]) {
+        let n = particular.len();
+        let r = basis.len() / n;
+        for (row, values) in [
+            (&mut self.low, &bounds.low[..]),
+            (&mut self.high, &bounds.high[..]),
+            (&mut self.taken, particular),
+        ] {
+            row.clear();
+            row.extend_from_slice(values);
+        }
+        let Some(contacts) = &self.contacts else { return };
+        for (k, low) in contacts.low.iter().enumerate() {
+            let gradient = &contacts.gradients[k * n..(k + 1) * n];
+            for (i, row) in basis.chunks_exact(n).enumerate() {
+                by_joint[(n + k) * r + i] = dot(row, gradient);
+            }
+            self.low.push(*low);
+            self.high.push(f64::INFINITY);
+            self.taken.push(dot(gradient, particular));
+        }
+    }
+
+    /// The joint velocity nearest to `qd` that keeps the pairs' bounds and as many of the joints' as there is room for: all,
+    /// else without acceleration, else without velocity; of pairs that position excludes the nearest are kept.
+    fn yield_to_contacts(&mut self, bounds: &Bounds, projection: &mut BoxProjection, qd: &mut [f64]) {
+        let n = qd.len();
+        let Self { contacts, low, high, taken, whole } = self;
+        let Some(contacts) = contacts else { return };
+        if contacts.contain(qd) {
+            return;
+        }
+        whole.clear();
+        whole.resize(n * n, 0.0);
+        (0..n).for_each(|i| whole[i * n + i] = 1.0);
+        whole.extend_from_slice(&contacts.gradients);
+        taken.clear();
+        taken.resize(n + contacts.low.len(), 0.0);
+        let all = contacts.low.len();
+        let tries = [(2, all), (1, all)].into_iter().chain((0..=all).rev().map(|count| (0, count)));
+        for (stage, count) in tries {
+            low.clear();
+            high.clear();
+            for i in 0..n {
+                let (least, most) = match bounds.wider.get(stage) {
+                    Some(bounds) => bounds[i],
+                    None => (bounds.low[i], bounds.high[i]),
+                };
+                low.push(least);
+                high.push(most);
+            }
+            low.extend_from_slice(&contacts.low[..count]);
+            high.resize(n + count, f64::INFINITY);
+            let rows = Rows { n: whole, r: n, low, high, p: &taken[..n + count] };
+            if projection.solve(&rows, qd).is_none() {
+                continue;
+            }
+            for (i, qd) in qd.iter_mut().enumerate() {
+                *qd = projection.z[i].clamp(low[i], high[i]);
+            }
+            for (row, _) in projection.active() {
+                if let Some(pair) = row.checked_sub(n) {
+                    contacts.note(pair);
+                }
+            }
+            // Those that had to be given up.
+            (count..all).for_each(|pair| contacts.note(pair));
+            return;
+        }
+    }
+}
+
+/// An interval within another one; where they exclude each other, the end of the outer one that is nearer.
+fn confined((a, b): (f64, f64), (low, high): (f64, f64)) -> (f64, f64) {
+    (if low > a { low.min(b) } else { a }, if high < b { high.max(a) } else { b })
 }
 
 impl Bounds {
@@ -233,6 +367,8 @@ impl Bounds {
                     self.outside.push(ActiveLimit { joint: i, kind: LimitKind::Position, upper });
                 }
             }
+            self.wider[0][i] = position;
+            self.wider[1][i] = confined(position, (-limits.velocity, limits.velocity));
             let mut interval = position;
             self.kinds[i] = [LimitKind::Position; 2];
             let mut confine = |low: f64, high: f64, kind: LimitKind| {
@@ -334,6 +470,20 @@ impl Resolver for SaturatedNullspace {
 
     fn active_limits(&self) -> &[ActiveLimit] {
         &self.active
+    }
+
+    fn limiting_pairs(&self) -> &[LimitingPair] {
+        self.limited.contacts.as_ref().map_or(&[], |contacts| &contacts.limiting)
+    }
+
+    fn surroundings(&self) -> Option<&Surroundings> {
+        self.limited.contacts.as_ref().map(|contacts| &contacts.around)
+    }
+
+    fn set_time(&mut self, t: f64) {
+        if let Some(contacts) = &mut self.limited.contacts {
+            contacts.t = t;
+        }
     }
 
     fn boxed(&self) -> Box<dyn Resolver> {

@@ -10,6 +10,7 @@
 //! | OBJ | `v` and `f`; polygons become fans |
 //! | DAE (COLLADA 1.4, 1.5) | triangles, polygons, strips and fans of all instances, with the transforms of their nodes and the unit; the up axis is ignored, as ROS tools and coal do |
 
+#[cfg(feature = "urdf")]
 mod dae;
 mod locate;
 mod obj;
@@ -130,6 +131,7 @@ impl TriangleMesh {
         let (vertices, faces) = match format {
             "stl" => stl::read(bytes)?,
             "obj" => obj::read(bytes)?,
+            #[cfg(feature = "urdf")]
             "dae" => dae::read(bytes)?,
             other => {
                 let valid = ["stl", "obj", "dae"].map(String::from).to_vec();

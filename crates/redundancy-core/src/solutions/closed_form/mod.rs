@@ -5,9 +5,13 @@
 //! through it and sees a new form at once.
 
 mod form;
+mod lanes;
+mod lines;
+pub mod parallel_axes;
 mod registry;
 pub mod spherical_wrist;
 pub mod srs;
 
+pub(crate) use form::sign_label;
 pub use form::{ClosedForm, Defect};
 pub use registry::closed_form;

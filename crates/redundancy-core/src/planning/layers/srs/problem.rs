@@ -1,17 +1,18 @@
 //! What a plan of the swivel is about: the circles over the points, limits, windings, obstacles, and what all that costs.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::clearance::{ArmClearance, Around, Near, OverPose};
+use super::settings::{SwivelChoice, SwivelPlanSettings};
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
+use crate::joint_space::{TURN, holds, turned, turns_over, turns_within};
 use crate::kinematics::{Scratch, Task};
+use crate::parallel::prelude::*;
 use crate::path::Path;
-use crate::planning::swivel_plan::{SwivelChoice, SwivelPlanSettings};
 use crate::scene::SweepMemory;
 use crate::solutions::{SelfMotion, SrsArm};
 use crate::tolerance::JOINT_JUMP;
@@ -51,10 +52,10 @@ impl Windings {
                 continue;
             }
             // Principal values are in (-pi, pi]: turns k for which (-pi, pi] + k turns meets the range.
-            let (a, b) = (lower[i].max(-2.0 * TAU), upper[i].min(2.0 * TAU));
-            least[i] = ((a - PI) / TAU).ceil() as i32;
-            let most = ((b + PI) / TAU).floor() as i32;
-            count[i] = (most - least[i] + 1).clamp(1, 5) as usize;
+            let (a, b) = (lower[i].max(-2.0 * TURN), upper[i].min(2.0 * TURN));
+            let [first, last] = turns_within([-PI, PI], a, b);
+            least[i] = first as i32;
+            count[i] = (last as i32 - least[i] + 1).clamp(1, 5) as usize;
             if total * count[i] > MAX_WINDINGS {
                 (count[i], least[i]) = (1, 0);
                 wraps[i] = true;
@@ -95,7 +96,7 @@ impl Windings {
 
     /// Positions of a node with the windings of a code.
     pub fn wound(&self, q: &[f64; 7], code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| if self.counts(i) { q[i] + TAU * self.turns[code][i] } else { q[i] })
+        std::array::from_fn(|i| if self.counts(i) { turned(q[i], self.turns[code][i]) } else { q[i] })
     }
 
     /// The code from which one comes to `code` by `turns` full turns less; `None` where a joint has no such winding.
@@ -115,16 +116,7 @@ impl Windings {
 /// Full turns by which `b` is further than the short way from `a`, of the joints that may wrap.
 #[inline(always)]
 pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
-    std::array::from_fn(|i| {
-        let step = b[i] - a[i];
-        if !windings.wraps[i] || step.abs() <= PI {
-            0
-        } else if step > 0.0 {
-            1
-        } else {
-            -1
-        }
-    })
+    std::array::from_fn(|i| if windings.wraps[i] { turns_over(b[i] - a[i]) } else { 0 })
 }
 
 /// What the arm keeps a distance from along the path.
@@ -155,8 +147,8 @@ impl Obstacles {
         }
         let times = path.t().map_or_else(|| vec![0.0; path.len()], <[f64]>::to_vec);
         let beyond = settings.wanted_clearance.max(CLEARANCE_BEYOND);
-        let poses = path.poses().par_iter().zip(&times);
-        let over = poses.map(|(pose, t)| near.over(pose, *t, beyond)).collect();
+        let poses = path.poses();
+        let over = (0..poses.len()).into_par_iter().map(|k| near.over(&poses[k], times[k], beyond)).collect();
         Ok(Some(Self { arm: near, times, over, reach: (settings.wanted_clearance, beyond) }))
     }
 }
@@ -190,7 +182,7 @@ pub(in crate::planning) struct Problem<'a> {
     /// Where the manipulability counts: its measure, and the largest value seen.
     dexterity: Option<(Manipulability, f64)>,
     /// Numbers of the points on the path.
-    pub points: Vec<usize>,
+    points: Vec<usize>,
     /// Dearer than any path: the fewest reconfigurations come first.
     pub reconfiguration: f64,
 }
@@ -214,7 +206,7 @@ fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
     let mut best = f64::MIN_POSITIVE;
     for _ in 0..MANIPULABILITY_SAMPLES {
         let q: [f64; 7] = std::array::from_fn(|i| {
-            let (lower, upper) = (chain.lower()[i].max(-TAU / 2.0), chain.upper()[i].min(TAU / 2.0));
+            let (lower, upper) = (chain.lower()[i].max(-PI), chain.upper()[i].min(PI));
             lower + (upper - lower) * rng.random::<f64>()
         });
         best = best.max(measure.value_at(&chain.kinematics_unchecked(&q, &mut scratch)));
@@ -296,7 +288,7 @@ impl<'a> Problem<'a> {
         let m = self.settings.swivels;
         match self.fixed(k) {
             Some(s) => vec![s],
-            None => (0..m).map(|i| TAU * (i as f64 / m as f64 - 0.5)).collect(),
+            None => (0..m).map(|i| TURN * (i as f64 / m as f64 - 0.5)).collect(),
         }
     }
 
@@ -320,11 +312,7 @@ impl<'a> Problem<'a> {
 
     /// Whether some winding of each joint holds the limits.
     pub fn holds(&self, q: &[f64; 7]) -> bool {
-        (0..7).all(|i| {
-            let above = q[i] + TAU * ((self.lower[i] - q[i]) / TAU).ceil();
-            // Without a lower limit that is not a number.
-            above <= self.upper[i] || self.windings.free(i)
-        })
+        (0..7).all(|i| holds(q[i], self.lower[i], self.upper[i]) || self.windings.free(i))
     }
 
     /// Cost of being at a distance from the obstacles and at a manipulability; `None` in a collision.
@@ -428,19 +416,12 @@ impl<'a> Problem<'a> {
         let n = line.q.len();
         let near: Vec<f64> =
             (0..n).into_par_iter().map(|k| self.distance(k, line.swivel[k], &line.q[k]).least).collect();
-        (1..n)
-            .into_par_iter()
-            .map_init(
-                || None,
-                |memory, k| {
-                    let ends = [&line.q[k - 1], &line.q[k]];
-                    let jump = line.reconfigurations.binary_search(&k).is_ok();
-                    (!jump && !self.edge_is_clear(k - 1, ends, [near[k - 1], near[k]], memory))
-                        .then_some(k - 1)
-                },
-            )
-            .flatten()
-            .collect()
+        let edge = |memory: &mut Option<SweepMemory>, k: usize| {
+            let ends = [&line.q[k - 1], &line.q[k]];
+            let jump = line.reconfigurations.binary_search(&k).is_ok();
+            (!jump && !self.edge_is_clear(k - 1, ends, [near[k - 1], near[k]], memory)).then_some(k - 1)
+        };
+        (1..n).into_par_iter().map_init(|| None, edge).flatten().collect()
     }
 
     /// The same problem on every `stride`-th point and the last one.

@@ -1,0 +1,113 @@
+"""Bodies: self-collision and distances of arms with hulls, beside coal through pinocchio, in one run.
+
+The same shapes (convex hulls of the collision meshes; coal's by `buildConvexHull`) and the same pairs (the SRDF's) at
+the same random configurations. coal is called once for each configuration, by pinocchio, with the placements of all
+shapes; ours in one batch on one thread. The call of an empty loop is subtracted from neither.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+import redundancy as rd
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "python"))
+from neighbours import Array, machine, table
+from test_bodies import Coal, load, random_rows
+
+ROWS = 2_000
+ROUNDS = 7
+
+
+def microseconds(jobs: dict[str, Callable[[Array], object]], rows: Array) -> dict[str, float]:
+    """Least time per configuration of each job; in each round every job has its turn."""
+    best = dict.fromkeys(jobs, float("inf"))
+    for _ in range(ROUNDS):
+        for name, job in jobs.items():
+            begin = time.perf_counter()
+            job(rows)
+            best[name] = min(best[name], (time.perf_counter() - begin) / len(rows) * 1e6)
+    return best
+
+
+def compared(name: str) -> list[str]:
+    """One robot."""
+    chain, links = load(name)
+    other = Coal(name, chain, links.pairs)
+    rows = random_rows(chain, ROWS, 1)
+
+    def collide(rows: Array) -> None:
+        for q in rows:
+            other.place(q)
+            pin.computeCollisions(other.geometry, other.places, True)
+
+    def distances(rows: Array) -> None:
+        for q in rows:
+            other.place(q)
+            pin.computeDistances(other.geometry, other.places)
+
+    def place(rows: Array) -> None:
+        for q in rows:
+            other.place(q)
+
+    times = microseconds(
+        {
+            "place": place,
+            "coal collide": collide,
+            "coal distances": distances,
+            "collide": lambda rows: links.self_clearance(rows, cutoff=0.0, threads=1),
+            "near": lambda rows: links.pair_clearances(rows, cutoff=0.1, threads=1),
+            "all": lambda rows: links.pair_clearances(rows, threads=1),
+            "least": lambda rows: links.self_clearance(rows, threads=1),
+        },
+        rows,
+    )
+    return [
+        name,
+        str(len(other.geometry.collisionPairs)),
+        f"{times['coal collide']:.1f}",
+        f"{times['collide']:.1f}",
+        f"{times['coal distances']:.1f}",
+        f"{times['near']:.1f}",
+        f"{times['all']:.1f}",
+        f"{times['least']:.1f}",
+        f"{times['place']:.1f}",
+    ]
+
+
+def capsules() -> None:
+    """Joint-to-joint capsules with the pairs that are found."""
+    chain = rd.catalog.load("iiwa14")
+    links = rd.LinkGeometry(chain, 0.05)
+    rows = random_rows(chain, 20_000, 2)
+    times = microseconds({"least": lambda rows: links.self_clearance(rows, threads=1)}, rows)
+    print(f"\n{chain.name}: {len(links.pairs)} pairs of joint-to-joint capsules: {times['least']:.2f} us")
+
+
+def main() -> None:
+    """Prints the tables."""
+    print("# Bodies: distances of links from each other, us per configuration\n")
+    print(machine(), "\n")
+    head = (
+        "robot",
+        "pairs",
+        "coal: collide",
+        "collide",
+        "coal: all distances",
+        "nearer than 0.1 m, with gradients",
+        "all, with gradients",
+        "the least",
+        "pinocchio: placements",
+    )
+    print(table(head, [compared(name) for name in ("panda", "ur5", "xarm7", "tiago")]))
+    capsules()
+
+
+if __name__ == "__main__":
+    np.seterr(all="raise")
+    main()
