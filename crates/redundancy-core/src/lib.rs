@@ -14,7 +14,7 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
+//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 //!
 //! # Features
@@ -37,6 +37,7 @@
 pub mod chain;
 pub mod criterion;
 pub mod ik;
+pub mod joint_space;
 pub mod kinematics;
 pub mod optimum;
 pub mod parallel;

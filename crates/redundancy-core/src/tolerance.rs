@@ -18,6 +18,23 @@ pub const QUATERNION_NORM: f64 = 1e-3;
 /// URDFs stay below; the smallest real wrist offsets (some mm) do not.
 pub const SRS_DISTANCE: f64 = 1e-4;
 
+/// Least angle (rad) between axes that a closed form needs to cross: nearer to parallel, their crossing point and the turn
+/// that brings one to a wanted place lose more than two digits.
+pub const AXES_PARALLEL: f64 = 0.01;
+
+/// `1 - cos` of the angle (1.4e-12 rad) by which a cone may be missed at its tip: rounding of a few rotations.
+pub const CONE_ROUNDING: f64 = 1e-24;
+
+/// Values of joint 6 at which an arm with three parallel axes is tried where the pose leaves it free: a step of 1.4 degrees.
+pub const SINGULAR_WRIST: usize = 256;
+
+/// Sine of the angle between axis 6 and the parallel axes below which rounding of joint 6 (1e-16 over this) may move the
+/// arm out of a reach that it is at the end of.
+pub const SINGULAR_WRIST_SINE: f64 = 1e-7;
+
+/// Rotation (rad) of the tool that another joint 6 next to a singular wrist may cost: a few roundings of a rotation matrix.
+pub const SINGULAR_WRIST_ROUNDING: f64 = 1e-14;
+
 /// Largest deviation from a right angle between neighbouring axes of a spherical joint, rad: a URDF that
 /// writes 1.5708 or 1.57 for pi/2 is off by 3.7e-6 or 8e-4.
 pub const SRS_ANGLE: f64 = 1e-3;
@@ -505,3 +522,7 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
+/// the spot) still costs what its joints move.
+pub const PLAN_LEAST_SHARE: f64 = 1e-3;

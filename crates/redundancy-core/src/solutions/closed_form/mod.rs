@@ -5,6 +5,9 @@
 //! through it and sees a new form at once.
 
 mod form;
+mod lanes;
+mod lines;
+pub mod parallel_axes;
 mod registry;
 pub mod spherical_wrist;
 pub mod srs;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::form::ClosedForm;
+use super::parallel_axes::ParallelAxesArm;
 use super::spherical_wrist::SphericalWristArm;
 use super::srs::SrsArm;
 use crate::chain::Chain;
@@ -11,8 +12,9 @@ use crate::chain::Chain;
 type Recognise = fn(&Chain) -> Option<Arc<dyn ClosedForm>>;
 
 /// Every closed form, asked in this order.
-const FORMS: [Recognise; 2] = [
+const FORMS: [Recognise; 3] = [
     |chain| Some(Arc::new(SphericalWristArm::new(chain).ok()?)),
+    |chain| Some(Arc::new(ParallelAxesArm::new(chain).ok()?)),
     |chain| Some(Arc::new(SrsArm::new(chain).ok()?)),
 ];
 
