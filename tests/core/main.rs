@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
+mod architecture;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;

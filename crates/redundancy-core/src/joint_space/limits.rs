@@ -108,8 +108,8 @@ fn least_above(q: f64, lower: f64) -> f64 {
     turned(q, ((lower - q) / TURN).ceil())
 }
 
-/// How far inside of its limits the best winding of `q` is: the distance from the nearer limit, negative outside. Infinite where the
-/// range covers a turn: some winding is always within it.
+/// How far inside of its limits the best winding of `q` is: the distance from the nearer limit, negative outside; infinite where a
+/// limit is.
 ///
 /// ```
 /// use redundancy_core::joint_space::margin;
@@ -118,7 +118,7 @@ fn least_above(q: f64, lower: f64) -> f64 {
 #[inline]
 pub fn margin(q: f64, lower: f64, upper: f64) -> f64 {
     let half = 0.5 * (upper - lower);
-    if half >= PI { f64::INFINITY } else { half - wrap(q - (lower + half)).abs() }
+    if half == f64::INFINITY { half } else { half - wrap(q - (lower + half)).abs() }
 }
 
 /// The whole turns, from the first to the last, by which some angle of a range comes between the limits; infinite without limits,

@@ -196,7 +196,7 @@ impl From<OrientationPlan> for Plan {
 /// Plans tilt and spin along a path for the highest constant tool speed.
 ///
 /// The cone stands on the orientations of the path; a path of positions has the tool down ([`tool_down`](super::tool_down)). Between its
-/// samples the path is a quintic spline, or its analytic shape. Runs on the current rayon pool. The result depends on the number of
+/// samples the path is a quintic spline, or its analytic shape. Runs on the current pool. The result depends on the number of
 /// threads and the machine only through what the time limit cuts off.
 ///
 /// ```
