@@ -37,5 +37,5 @@ mod status;
 
 pub use error::{Error, Result};
 pub use nalgebra;
-pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
+pub use pose::{Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 pub use status::Status;

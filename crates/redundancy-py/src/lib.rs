@@ -13,6 +13,7 @@ mod optimum;
 mod orientation_plan;
 mod path;
 mod planning;
+mod quaternion;
 mod rotation;
 mod scene;
 mod self_motion;
@@ -49,6 +50,11 @@ mod _core {
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
+    #[pymodule_export]
+    use quaternion::{
+        py_pose, quaternion_conjugate, quaternion_from_axis_angle, quaternion_from_matrix,
+        quaternion_product, quaternion_rotate, quaternion_to_axis_angle, quaternion_to_matrix,
+    };
     #[pymodule_export]
     use rotation::{
         PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,

@@ -12,10 +12,10 @@ use redundancy_core::timing::SpeedLimit;
 use redundancy_core::{Error, Status, pose_from_row_major, pose_to_row_major};
 
 use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::to_array;
+use crate::convert::{read_rotation, to_array};
 use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
-use crate::speed::{JointLimits, read_rotation, read_task};
+use crate::speed::{JointLimits, read_task};
 use crate::status::status_to_py;
 
 /// How often a running plan is looked at.

@@ -12,6 +12,7 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod extend;
 mod joint;
 
 pub use builder::ChainBuilder;

@@ -16,7 +16,7 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, Stationarity};
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::solutions::{
     Fibre, SelfMotionCurve, TraceSettings, geometric, random_configurations, self_motion_curves, short_way,
     wind,
@@ -82,7 +82,7 @@ pub fn constrained_optima(
     task: Task,
     settings: &OptimaSettings,
 ) -> Result<Vec<CriticalPoint>> {
-    check_pose("target", target)?;
+    let target = &checked_pose("target", target)?;
     if settings.starts > MOST_STARTS {
         let (what, value) = ("starts".into(), settings.starts as f64);
         return Err(Error::OutOfRange { what, value, bound: format!("<= {MOST_STARTS}") });

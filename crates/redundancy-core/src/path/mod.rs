@@ -26,8 +26,12 @@
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
 mod bspline;
+mod edit;
 #[allow(clippy::module_inception)]
 mod path;
+mod piece;
+mod sample;
+mod section;
 mod shapes;
 mod spline;
 mod table;
@@ -36,7 +40,10 @@ mod timing;
 mod trajectory;
 
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
-pub use path::{Path, PathPoint, Shape};
+pub use path::{Path, PathPoint};
+pub use piece::{PathPiece, Shape};
+pub use sample::TrajectorySample;
+pub use section::Section;
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
 pub use timed::{Reference, TimedPath};

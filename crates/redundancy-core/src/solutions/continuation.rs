@@ -30,7 +30,7 @@ use crate::criterion::check_redundant;
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Scratch, Task, TaskKind};
 use crate::path::{Event, EventKind};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::{
     CURVE_CONTAINS, KINEMATIC_SINGULARITY, SRS_EXACT, TRACE_CLOSURE, TRACE_ONE_STEP, TRACE_SHORTEST,
@@ -211,7 +211,7 @@ pub fn self_motion_curves(
     seed: u64,
     starts: usize,
 ) -> Result<Vec<SelfMotionCurve>> {
-    check_pose("target", target)?;
+    let target = &checked_pose("target", target)?;
     settings.validate()?;
     check_one_freedom(chain, &task)?;
     let task = geometric(task);
@@ -565,7 +565,7 @@ impl SelfMotionCurve {
         ends: Vec<Event>,
     ) -> Result<Self> {
         check_one_freedom(chain, &task)?;
-        check_pose("target", target)?;
+        let target = &checked_pose("target", target)?;
         let (s, q, tangents) = rows;
         crate::error::check_finite("s", &s)?;
         if s.is_empty() || s.windows(2).any(|pair| pair[1] < pair[0]) {
