@@ -15,10 +15,14 @@ class Status(StrEnum):
     UNREACHABLE = "unreachable"
     INFEASIBLE = "infeasible"
     LIMITS = "limits"
+    COLLISION = "collision"
+    OFF_PATH = "off_path"
     SINGULAR = "singular"
     ITERATION_LIMIT = "iteration_limit"
     TIME_LIMIT = "time_limit"
     CANCELLED = "cancelled"
+    TRACKING = "tracking"
+    NO_TARGET = "no_target"
 
 
 class EventKind(StrEnum):
@@ -32,6 +36,10 @@ class EventKind(StrEnum):
     ALGORITHMIC_SINGULARITY = "algorithmic_singularity"
     RECONFIGURATION = "reconfiguration"
     JOINT_LIMIT = "joint_limit"
+    LIMIT_ACTIVE = "limit_active"
+    LIMIT_RELEASED = "limit_released"
+    CONTACT = "contact"
+    SPEED_BOUNDED = "speed_bounded"
 
 
 class Kind(StrEnum):

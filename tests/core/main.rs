@@ -4,24 +4,31 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
+mod architecture;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
+mod corrector;
 mod criterion;
 mod ik_descent;
+mod ik_parallel_axes;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
+mod joint_space;
 mod kinematics;
 mod optimum;
+mod parallel;
 mod path;
 mod path_edit;
+mod plan;
 mod planning;
 mod planning_brute;
 mod planning_scene;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod spray;
 mod support;
 mod task;

@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use redundancy_core::Pose;
-use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits};
+use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits, MissingLimits};
 use redundancy_core::nalgebra::{Rotation3, Translation3, Unit, Vector3};
 
 pub fn rng(seed: u64) -> ChaCha8Rng {
@@ -125,4 +125,11 @@ pub fn difference(a: &[f64], b: &[f64]) -> f64 {
 pub fn pose_error(a: &Pose, b: &Pose) -> f64 {
     let translation = (a.translation.vector - b.translation.vector).norm();
     translation.max((a.rotation.matrix() - b.rotation.matrix()).norm())
+}
+
+/// An arm of `tests/data/arms`, from PyPI's example-robot-data (see the PROVENANCE there).
+pub fn urdf_arm(name: &str, base: &str, tip: &str) -> Chain {
+    let path = format!("{}/../../tests/data/arms/{name}.urdf", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    Chain::from_urdf_string(&text, Some(base), Some(tip), MissingLimits::Refuse).unwrap()
 }

@@ -101,6 +101,12 @@ pub enum Error {
         /// Which condition fails, by how many millimetres or milliradians.
         reason: String,
     },
+    /// The chain is not a six-joint arm whose axes 2, 3 and 4 are parallel.
+    #[error("not a six-joint arm with three parallel axes: {reason}")]
+    NotParallelAxes {
+        /// Which condition fails, by how many millimetres or milliradians.
+        reason: String,
+    },
     /// A file with a path or trajectory is broken.
     #[error("{file}: {message}")]
     File {

@@ -25,6 +25,23 @@ pub const QUATERNION_NORM: f64 = 1e-3;
 /// URDFs stay below; the smallest real wrist offsets (some mm) do not.
 pub const SRS_DISTANCE: f64 = 1e-4;
 
+/// Least angle (rad) between axes that a closed form needs to cross: nearer to parallel, their crossing point and the turn
+/// that brings one to a wanted place lose more than two digits.
+pub const AXES_PARALLEL: f64 = 0.01;
+
+/// `1 - cos` of the angle (1.4e-12 rad) by which a cone may be missed at its tip: rounding of a few rotations.
+pub const CONE_ROUNDING: f64 = 1e-24;
+
+/// Values of joint 6 at which an arm with three parallel axes is tried where the pose leaves it free: a step of 1.4 degrees.
+pub const SINGULAR_WRIST: usize = 256;
+
+/// Sine of the angle between axis 6 and the parallel axes below which rounding of joint 6 (1e-16 over this) may move the
+/// arm out of a reach that it is at the end of.
+pub const SINGULAR_WRIST_SINE: f64 = 1e-7;
+
+/// Rotation (rad) of the tool that another joint 6 next to a singular wrist may cost: a few roundings of a rotation matrix.
+pub const SINGULAR_WRIST_ROUNDING: f64 = 1e-14;
+
 /// Largest deviation from a right angle between neighbouring axes of a spherical joint, rad: a URDF that
 /// writes 1.5708 or 1.57 for pi/2 is off by 3.7e-6 or 8e-4.
 pub const SRS_ANGLE: f64 = 1e-3;
@@ -171,6 +188,10 @@ pub const FREE_SPEED: f64 = 1.0;
 /// Slope of a criterion of order 1 along a circle, and width of its bracket (rad), at which its zero is found: a value
 /// is then within 1e-18 of the minimum.
 pub const SLOPE_ROUNDING: f64 = 1e-9;
+
+/// Deviation of a criterion, relative to 1 + its size, from the cubic through values and slopes of a part of a curve at
+/// which the part counts as resolved.
+pub const SCAN_RESOLVED: f64 = 1e-6;
 
 /// First step (rad) of the secant that polishes an optimum: the root of the gap that is left, divided by ten.
 pub const POLISH_STEP: f64 = 1e-6;
@@ -347,9 +368,16 @@ pub const TRACE_CLOSURE: f64 = 1e-2;
 /// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
 pub const CURVE_CONTAINS: f64 = 1e-8;
 
-/// Largest defect (m, rad) of an S-R-S arm whose closed form is taken for its self-motion: what is left is corrected
-/// in one Newton step.
-pub const SRS_EXACT: f64 = 1e-9;
+/// Distance of a joint from its limit (rad or m), and width of the bracket (length of the curve), at which the end of a
+/// feasible arc of a traced curve is found.
+pub const EDGE_FOUND: f64 = 1e-13;
+
+/// See [`EDGE_FOUND`]; the end that holds the limit is returned.
+pub const EDGE_WIDTH: f64 = 1e-11;
+
+/// Largest defect (m, rad) of an arm whose closed form counts as exact: what is left is rounding of the description, and
+/// is corrected in one Newton step.
+pub const CLOSED_FORM_EXACT: f64 = 1e-9;
 
 /// Slope of a criterion along the self-motion, relative to its gradient and curvature, up to which a configuration
 /// counts as critical: angles printed with four decimals of a degree (1.5e-6 rad from the critical point) pass.
@@ -501,3 +529,7 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
+/// the spot) still costs what its joints move.
+pub const PLAN_LEAST_SHARE: f64 = 1e-3;

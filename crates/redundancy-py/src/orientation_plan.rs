@@ -262,10 +262,7 @@ pub fn py_plan_orientation<'py>(
         std::thread::scope(|scope| {
             let work = || plan_orientation(&chain, &path, &settings, &watch);
             let pool = &pool;
-            let running = scope.spawn(move || match pool {
-                Some(pool) => pool.install(work),
-                None => work(),
-            });
+            let running = scope.spawn(move || pool.install(work));
             while !running.is_finished() {
                 std::thread::park_timeout(LOOK);
                 let look = |py: Python<'_>| -> PyResult<()> {

@@ -1,11 +1,15 @@
 //! Primitive collision geometry of a URDF: spheres, cylinders, capsules and boxes of the links of a chain.
 
+#[cfg(feature = "urdf")]
 use std::collections::{HashSet, VecDeque};
+#[cfg(feature = "urdf")]
 use std::path::Path;
 
+#[cfg(feature = "urdf")]
 use roxmltree::Node;
 
 use super::chain::Chain;
+#[cfg(feature = "urdf")]
 use super::urdf::{self, Tree, Version, attribute, bad, element, elements, numbers, parse, placed};
 use crate::error::{Error, Result};
 use crate::pose::Pose;
@@ -51,6 +55,7 @@ pub struct CollisionBody {
     pub shape: CollisionShape,
 }
 
+#[cfg(feature = "urdf")]
 impl Chain {
     /// The primitive collision geometry that a URDF file gives to the moving links of this chain, which was read from it
     /// (or has links of the same names).
@@ -138,6 +143,7 @@ impl Chain {
     }
 }
 
+#[cfg(feature = "urdf")]
 /// The pose in `<origin>`; the identity without one.
 fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     let Some(element) = element(node, "origin") else { return Ok(Pose::identity()) };
@@ -148,6 +154,7 @@ fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     placed(values("xyz")?, values("rpy")?, node, &what, version)
 }
 
+#[cfg(feature = "urdf")]
 fn shape(collision: Node, what: &str) -> Result<CollisionShape> {
     let geometry = element(collision, "geometry").ok_or_else(|| bad(format!("{what} has no <geometry>")))?;
     let Some(node) = geometry.children().find(Node::is_element) else {
@@ -183,6 +190,7 @@ fn shape(collision: Node, what: &str) -> Result<CollisionShape> {
     }
 }
 
+#[cfg(feature = "urdf")]
 fn positive(what: &str, value: f64) -> Result<f64> {
     if value > 0.0 {
         return Ok(value);

@@ -3,10 +3,9 @@
 use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::error::{Error, Result, check_vector};
-use crate::kinematics::{Kinematics, Task, TaskKind, rotation_vector};
+use crate::kinematics::{Kinematics, PoseError, Task, TaskKind, rotation_vector};
 use crate::pose::Pose;
 use crate::rotation::{Cone, QuaternionVolume};
-use crate::tolerance::SMALL_SINE;
 
 /// A set of orientations.
 #[derive(Debug, Clone)]
@@ -103,11 +102,10 @@ impl Goal<'_> {
         for (out, c) in columns.iter_mut().zip(kinematics.jacobian().as_slice().as_chunks::<6>().0) {
             *out = [c[0] * s, c[1] * s, c[2] * s, c[3], c[4], c[5]];
         }
-        let pose = kinematics.pose();
-        let d = self.target.translation.vector - pose.translation.vector;
-        let (r, angle) = shortest_turn(pose.rotation.matrix(), self.target.rotation.matrix());
+        let error = PoseError::between(&self.target, kinematics.pose());
+        let (d, r) = (&error.linear, &error.angular);
         let e = [d.x * s, d.y * s, d.z * s, r.x, r.y, r.z];
-        GoalError { e, position: d.norm(), orientation: angle }
+        GoalError { e, position: d.norm(), orientation: error.angle }
     }
 
     fn other_error(
@@ -209,32 +207,4 @@ pub fn task_target(task: &Task, coordinates: &[f64]) -> Result<Pose> {
         _ => (0.0, 0.0),
     };
     Ok(Pose::from_parts(Translation3::new(x, y, z), Rotation3::from_axis_angle(&Vector3::z_axis(), angle)))
-}
-
-/// Rotation vector (world axes) of the shortest arc from one rotation to another, and its angle.
-#[inline(always)]
-pub(super) fn shortest_turn(
-    from: &nalgebra::Matrix3<f64>,
-    to: &nalgebra::Matrix3<f64>,
-) -> (Vector3<f64>, f64) {
-    let (mut sin_axis, mut trace) = (Vector3::zeros(), -1.0);
-    for j in 0..3 {
-        let (a, b): (Vector3<f64>, Vector3<f64>) = (from.column(j).into(), to.column(j).into());
-        sin_axis += a.cross(&b);
-        trace += a.dot(&b);
-    }
-    // 2 sin(angle) axis and 2 cos(angle)
-    let sin = sin_axis.norm();
-    if sin < 2.0 * SMALL_SINE {
-        if trace > 0.0 {
-            // asin(x) = x + x^3 / 6
-            let half = 0.5 * sin;
-            let scale = 0.5 * (1.0 + half * half / 6.0);
-            return (sin_axis * scale, sin * scale);
-        }
-        let r = rotation_vector(&(Rotation3::from_matrix_unchecked(*to * from.transpose())));
-        return (r, r.norm());
-    }
-    let angle = sin.atan2(trace);
-    (sin_axis * (angle / sin), angle)
 }

@@ -11,7 +11,7 @@
 
 use super::goal::Goal;
 use crate::chain::Chain;
-use crate::kinematics::{Kinematics, Scratch};
+use crate::kinematics::{Kinematics, Scratch, factor, normal_matrix, solve};
 use crate::tolerance::{IK_DAMPING, IK_DAMPING_FLOOR, IK_STALL, IK_STATIONARY, IK_STEP};
 use nalgebra::Vector3;
 
@@ -267,65 +267,8 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
 /// Lower triangle of `J W J^T + mu I`.
 #[inline(always)]
 fn normal(columns: &[[f64; 6]], held: &[bool], some_held: bool, mu: f64) -> [[f64; 6]; 6] {
-    let mut a = [[0.0; 6]; 6];
-    for (column, held) in columns.iter().zip(held) {
-        if some_held && *held {
-            continue;
-        }
-        for i in 0..6 {
-            for j in 0..=i {
-                a[i][j] += column[i] * column[j];
-            }
-        }
-    }
-    for (i, row) in a.iter_mut().enumerate() {
-        row[i] += mu;
-    }
-    a
-}
-
-/// `L D L^T` in place: D on the diagonal (its inverse), L below it. The matrix is positive definite.
-#[inline(always)]
-fn factor(a: &mut [[f64; 6]; 6]) {
-    for j in 0..6 {
-        let mut scaled = [0.0; 6];
-        for k in 0..j {
-            scaled[k] = a[j][k] / a[k][k];
-        }
-        let mut d = a[j][j];
-        for k in 0..j {
-            d -= a[j][k] * scaled[k];
-        }
-        let inverse = 1.0 / d;
-        a[j][j] = inverse;
-        for i in j + 1..6 {
-            let mut x = a[i][j];
-            for k in 0..j {
-                x -= a[i][k] * scaled[k];
-            }
-            a[i][j] = x * inverse;
-        }
-    }
-}
-
-/// Solves with the factors of [`factor`].
-#[inline(always)]
-fn solve(a: &[[f64; 6]; 6], b: &[f64; 6]) -> [f64; 6] {
-    let mut x = *b;
-    for i in 0..6 {
-        for k in 0..i {
-            x[i] -= a[i][k] * x[k];
-        }
-    }
-    for i in 0..6 {
-        x[i] *= a[i][i];
-    }
-    for i in (0..6).rev() {
-        for k in i + 1..6 {
-            x[i] -= a[k][i] * x[k];
-        }
-    }
-    x
+    let free = columns.iter().zip(held).filter(|(_, held)| !(some_held && **held));
+    normal_matrix(free.map(|(column, _)| column), mu)
 }
 
 /// Weighted acceleration of the task along the step: linear `sum_i (2 w_i + z_i dq_i) x v_i dq_i`, angular

@@ -12,8 +12,8 @@
 //!
 //! Cost for seven joints: that of [`Chain::kinematics`] and about 0.1 us. Nothing allocates but [`Chain::jacobian_of`].
 
+use crate::parallel::prelude::*;
 use nalgebra::{Dyn, Matrix3, Matrix6xX, Vector3};
-use rayon::prelude::*;
 
 use super::scratch::{Kinematics, Scratch};
 use crate::chain::{Chain, axis_onto_z};

@@ -1,19 +1,27 @@
 //! From joint positions to poses, Jacobians, Hessians and torques, for any number of joints, and the tasks that count them.
 
 mod batch;
+mod corrector;
 mod forward;
+mod freedom;
 mod hessian;
 mod inverse_dynamics;
 mod jacobian;
 mod link_jacobian;
+mod normal_equations;
 mod null_space;
+mod pose_error;
 mod scratch;
 mod task;
 mod trigonometry;
 
+pub use corrector::{Corrector, CorrectorSettings, MOST_COORDINATES, StepBound};
+pub use freedom::{SpinFreedom, ToolFreedom};
 pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub use link_jacobian::{JacobianFrame, JacobianOf};
+pub(crate) use normal_equations::{factor, normal_matrix, solve};
 pub use null_space::NullSpace;
+pub use pose_error::{PoseError, rotation_vector};
 pub use scratch::{Kinematics, Scratch};
-pub use task::{Task, TaskError, TaskKind, rotation_vector};
+pub use task::{Task, TaskError, TaskKind};

@@ -27,6 +27,8 @@ pub struct NullSpace {
     basis: DMatrix<f64>,
     work: Vec<f64>,
     triangle: Vec<f64>,
+    /// Whether `det Q` times the product of the pivots is positive.
+    positive: bool,
 }
 
 impl NullSpace {
@@ -43,6 +45,7 @@ impl NullSpace {
             basis: DMatrix::zeros(n, n - m),
             work: vec![0.0; n],
             triangle: vec![0.0; m * m],
+            positive: true,
         }
     }
 
@@ -56,15 +59,31 @@ impl NullSpace {
     /// # Panics
     /// Never for `m n` numbers; what is missing counts as zero.
     pub fn factor(&mut self, jacobian: &[f64]) {
-        // The commonest size once more, where the compiler knows it.
+        self.reduce(jacobian);
+        self.form_basis();
+    }
+
+    /// [`factor`](Self::factor) without the basis, which [`form_basis`](Self::form_basis) makes afterwards.
+    #[inline]
+    pub(super) fn reduce(&mut self, jacobian: &[f64]) {
+        // Specialised for 6x7 so that the compiler can unroll.
         match (self.m, self.n) {
-            (6, 7) => self.factor_sized(jacobian, 6, 7),
-            (m, n) => self.factor_sized(jacobian, m, n),
+            (6, 7) => self.reduce_sized(jacobian, 6, 7),
+            (m, n) => self.reduce_sized(jacobian, m, n),
+        }
+    }
+
+    /// The basis of the kernel of the Jacobian that was reduced last.
+    #[inline]
+    pub(super) fn form_basis(&mut self) {
+        match (self.m, self.n) {
+            (6, 7) => self.form_basis_sized(6, 7),
+            (m, n) => self.form_basis_sized(m, n),
         }
     }
 
     #[inline(always)]
-    fn factor_sized(&mut self, jacobian: &[f64], m: usize, n: usize) {
+    fn reduce_sized(&mut self, jacobian: &[f64], m: usize, n: usize) {
         let columns = &mut self.columns[..m * n];
         columns.fill(0.0);
         for (j, column) in jacobian.chunks_exact(m.max(1)).take(n).enumerate() {
@@ -105,10 +124,16 @@ impl NullSpace {
                 reflect(v, self.scale[k], &mut other[k..]);
             }
         }
+        self.positive = positive;
+    }
+
+    #[inline(always)]
+    fn form_basis_sized(&mut self, m: usize, n: usize) {
+        let columns = &self.columns[..m * n];
         for c in 0..n - m {
             let mut column = self.basis.column_mut(c);
             column.fill(0.0);
-            column[m + c] = if n - m == 1 && !positive { -1.0 } else { 1.0 };
+            column[m + c] = if n - m == 1 && !self.positive { -1.0 } else { 1.0 };
             let column = column.as_mut_slice();
             for k in (0..m).rev() {
                 reflect(&columns[k * n + k..(k + 1) * n], self.scale[k], &mut column[k..]);

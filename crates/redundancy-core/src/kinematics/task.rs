@@ -15,13 +15,15 @@
 
 use std::fmt;
 
-use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3, Vector6};
 
+use super::pose_error::PoseError;
 use super::scratch::Kinematics;
 use crate::chain::axis_onto_z;
 use crate::error::{Error, Result, check_vector};
+use crate::joint_space::difference;
 use crate::pose::Pose;
-use crate::rotation::{to_rpy, wrap};
+use crate::rotation::to_rpy;
 use crate::tolerance::RPY_COSINE;
 
 /// The kind of a task, see the table of the module.
@@ -236,6 +238,7 @@ impl Task {
 
     /// How far `pose` is from `target`. Orientations are compared along the shortest arc; half a turn away, where
     /// there are two, one of them is taken.
+    #[inline]
     pub fn error(&self, target: &Pose, pose: &Pose) -> TaskError {
         let d = target.translation.vector - pose.translation.vector;
         let make = |coordinates: Vector6<f64>, position: f64, orientation: f64| TaskError {
@@ -245,13 +248,13 @@ impl Task {
         };
         match self.kind {
             TaskKind::Pose => {
-                let r = rotation_vector(&(target.rotation * pose.rotation.inverse()));
-                make(Vector6::new(d.x, d.y, d.z, r.x, r.y, r.z), d.norm(), r.norm())
+                let error = PoseError::between(target, pose);
+                make(error.twist(), d.norm(), error.angle)
             }
             TaskKind::PoseRpy => {
                 let (to, from) = (rpy(target), rpy(pose));
-                let [a, b, c] = [0, 1, 2].map(|i| wrap(to[i] - from[i]));
-                let angle = rotation_vector(&(target.rotation * pose.rotation.inverse())).norm();
+                let [a, b, c] = [0, 1, 2].map(|i| difference(from[i], to[i]));
+                let angle = PoseError::between(target, pose).angle;
                 make(Vector6::new(d.x, d.y, d.z, a, b, c), d.norm(), angle)
             }
             TaskKind::Position => make(Vector6::new(d.x, d.y, d.z, 0.0, 0.0, 0.0), d.norm(), 0.0),
@@ -268,7 +271,7 @@ impl Task {
             }
             TaskKind::Planar => make(Vector6::new(d.x, d.y, 0.0, 0.0, 0.0, 0.0), d.x.hypot(d.y), 0.0),
             TaskKind::PlanarPose => {
-                let turn = wrap(heading(target) - heading(pose));
+                let turn = difference(heading(pose), heading(target));
                 make(Vector6::new(d.x, d.y, turn, 0.0, 0.0, 0.0), d.x.hypot(d.y), turn.abs())
             }
         }
@@ -285,16 +288,6 @@ impl fmt::Display for Task {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.kind)
     }
-}
-
-/// Rotation vector (world axes) of the shortest arc; its norm is the angle, at most pi.
-pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
-    let q = UnitQuaternion::from_rotation_matrix(rotation);
-    let (v, sin) = (q.imag(), q.imag().norm());
-    // Small angles: the angle is 2 asin |v|, so v / |v| * angle -> 2 v.
-    let angle = 2.0 * sin.atan2(q.w.abs());
-    let scale = if sin > 0.0 { angle / sin } else { 2.0 };
-    v * if q.w < 0.0 { -scale } else { scale }
 }
 
 /// `[phi, theta, psi]` of `Rz(phi) Ry(theta) Rx(psi)`.

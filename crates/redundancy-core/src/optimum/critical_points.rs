@@ -15,12 +15,9 @@ use super::classify::{Classification, Classifier, Kind};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, Stationarity};
 use crate::error::{Error, Result};
-use crate::kinematics::Task;
+use crate::kinematics::{Corrector, Task};
 use crate::pose::{Pose, checked_pose};
-use crate::solutions::{
-    Fibre, SelfMotionCurve, TraceSettings, geometric, random_configurations, self_motion_curves, short_way,
-    wind,
-};
+use crate::solutions::{SelfMotionCurve, TraceSettings, random_configurations, self_motion_curves};
 use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE, TRACE_ONE_STEP};
 
 /// Most random starts of one call: seconds to minutes.
@@ -103,12 +100,12 @@ pub fn constrained_optima(
 }
 
 /// Newton's method on `[f(q) - x; mu(q)]`, x fixed.
-pub(super) struct Corrector {
+pub(super) struct CriticalNewton {
     error: Vector6<f64>,
     step: DVector<f64>,
 }
 
-impl Corrector {
+impl CriticalNewton {
     pub fn new(n: usize) -> Self {
         Self { error: Vector6::zeros(), step: DVector::zeros(n) }
     }
@@ -180,8 +177,8 @@ struct Search<'a> {
     chain: &'a Chain,
     target: &'a Pose,
     classifier: Classifier<'a>,
-    corrector: Corrector,
-    fibre: Fibre,
+    corrector: CriticalNewton,
+    fibre: Corrector,
     found: Vec<CriticalPoint>,
 }
 
@@ -201,8 +198,8 @@ impl<'a> Search<'a> {
             chain,
             target,
             classifier: Classifier::new(chain, criterion, task)?,
-            corrector: Corrector::new(chain.dof()),
-            fibre: Fibre::new(chain, &geometric(task), target),
+            corrector: CriticalNewton::new(chain.dof()),
+            fibre: Corrector::new(chain, task, target)?,
             found: Vec::new(),
         })
     }
@@ -221,7 +218,7 @@ impl<'a> Search<'a> {
         let n = self.chain.dof();
         let shift_of = |search: &Self, q: &[f64]| -> Vec<f64> {
             let mut wound = q.to_vec();
-            wind(search.chain, &mut wound);
+            search.chain.wind(&mut wound);
             wound.iter().zip(q).map(|(w, q)| w - q).collect()
         };
         let mut before: Option<(Sample, Vec<f64>)> = None;
@@ -346,7 +343,7 @@ impl<'a> Search<'a> {
         for _ in 0..STEPS {
             match self.corrector.step(at, self.target, &mut q, REACH) {
                 Some(length) if length <= NEWTON_DONE => {
-                    wind(self.chain, &mut q);
+                    self.chain.wind(&mut q);
                     // In another winding it may not be critical.
                     let at = self.classifier.stationarity_mut();
                     if self.corrector.polish(at, self.target, &mut q, SAME_CRITICAL_POINT).is_some() {
@@ -363,7 +360,7 @@ impl<'a> Search<'a> {
     /// Keeps a critical point that is not there yet.
     fn keep(&mut self, q: Vec<f64>) {
         let mut wound = q.clone();
-        wind(self.chain, &mut wound);
+        self.chain.wind(&mut wound);
         if wound.iter().zip(&q).any(|(a, b)| (a - b).abs() > 1.0) {
             return;
         }
@@ -373,7 +370,7 @@ impl<'a> Search<'a> {
         }
         let mut d = vec![0.0; q.len()];
         let known = self.found.iter().any(|other| {
-            short_way(self.chain, &other.q, &q, &mut d);
+            self.chain.difference_into(&other.q, &q, &mut d);
             d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_CRITICAL_POINT
         });
         if known {

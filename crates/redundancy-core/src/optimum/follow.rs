@@ -23,14 +23,14 @@
 //! Cost: some 10 us per step for seven joints and the joint range; steps of at most 0.05 rad.
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::classify::{Classifier, Kind};
-use super::critical_points::{Corrector, CriticalPoint, OptimaSettings, constrained_optima};
+use super::critical_points::{CriticalNewton, CriticalPoint, OptimaSettings, constrained_optima};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense};
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Task, TaskKind};
+use crate::parallel::prelude::*;
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
 use crate::solutions::geometric;
 use crate::tolerance::{
@@ -292,7 +292,7 @@ impl Point {
 struct Follower<'a> {
     path: &'a Path,
     classifier: Classifier<'a>,
-    corrector: Corrector,
+    corrector: CriticalNewton,
     bordered: NullSpace,
     matrix: Vec<f64>,
     rest: Vec<f64>,
@@ -317,7 +317,7 @@ impl<'a> Follower<'a> {
         Ok(Self {
             path,
             classifier,
-            corrector: Corrector::new(n),
+            corrector: CriticalNewton::new(n),
             bordered: NullSpace::new(n, n + 1),
             matrix: vec![0.0; n * (n + 1)],
             rest: vec![0.0; n],
@@ -663,7 +663,7 @@ pub fn distance_to_nearest(
     let mut d = DVector::zeros(n);
     let rows = q.chunks_exact(n).map(|row| {
         let distances = points.iter().map(|point| {
-            crate::solutions::short_way(chain, row, point, d.as_mut_slice());
+            chain.difference_into(row, point, d.as_mut_slice());
             if modulo_first {
                 d[0] = 0.0;
             }

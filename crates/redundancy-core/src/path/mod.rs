@@ -27,13 +27,17 @@
 
 mod bspline;
 mod edit;
+#[cfg(feature = "io")]
+mod files;
 #[allow(clippy::module_inception)]
 mod path;
 mod piece;
+mod plan;
 mod sample;
 mod section;
 mod shapes;
 mod spline;
+#[cfg(feature = "io")]
 mod table;
 mod timed;
 mod timing;
@@ -42,6 +46,7 @@ mod trajectory;
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint};
 pub use piece::{PathPiece, Shape};
+pub use plan::{BlockedPoint, Pieces, Plan, PlanBuilder, Reconfiguration, SpareCoordinate};
 pub use sample::TrajectorySample;
 pub use section::Section;
 pub use shapes::{Circle, Raster};

@@ -1,17 +1,12 @@
 //! A path: samples and the curve through them.
 
-use std::path::Path as FilePath;
-
-use nalgebra::{IsometryMatrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{IsometryMatrix3, Rotation3, Translation3, Vector3, Vector6};
 
 use super::piece::{PathPiece, Piece, Shape};
 use super::shapes::{Circle, Raster, even, out_of_range};
-use super::table::{self, Table};
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::pose::{Pose, checked_pose};
-use crate::tolerance::{
-    PATH_END_ROUNDING, PATH_SAME_ORIENTATION, PATH_STANDSTILL, QUATERNION_NORM, TURN_LENGTH,
-};
+use crate::tolerance::{PATH_END_ROUNDING, PATH_SAME_ORIENTATION, PATH_STANDSTILL, TURN_LENGTH};
 
 /// Tool poses (or positions) in the order of arc length, with a C2 curve between the samples.
 ///
@@ -171,92 +166,6 @@ impl Path {
         Ok(Self { s, t: t.map(<[f64]>::to_vec), poses, oriented, pieces })
     }
 
-    /// Reads a CSV file with the columns `x,y,z` (metres), `qw,qx,qy,qz` (all four or none) and, where wanted, `s`
-    /// (metres) and `t` (seconds), in any order under a header line.
-    ///
-    /// Quaternions whose norm is within [`QUATERNION_NORM`] of 1 are normalised.
-    ///
-    /// # Errors
-    /// A file that cannot be read, a column that is missing, unknown or double, a field that is no finite number, a
-    /// quaternion that is not of unit norm, `s` or `t` that do not increase: with the file's name and line.
-    pub fn from_csv(file: impl AsRef<FilePath>) -> Result<Self> {
-        let table = Table::read(file.as_ref())?;
-        if let Some(unknown) = table.header.iter().find(|name| !COLUMNS.contains(&name.as_str())) {
-            let message = format!("unknown column '{unknown}', expected {}", COLUMNS.join(","));
-            return Err(table.error(table.header_line, message));
-        }
-        let column = |name: &str| {
-            table.column(name).ok_or_else(|| {
-                let known = table.header.join(",");
-                table.error(table.header_line, format!("column '{name}' is missing in the header '{known}'"))
-            })
-        };
-        let xyz = [column("x")?, column("y")?, column("z")?];
-        let oriented = QUATERNION.iter().any(|name| table.column(name).is_some());
-        let wxyz =
-            if oriented { Some([column("qw")?, column("qx")?, column("qy")?, column("qz")?]) } else { None };
-        let mut poses = Vec::with_capacity(table.rows.len());
-        for (line, row) in &table.rows {
-            let mut pose = placed(Vector3::new(row[xyz[0]], row[xyz[1]], row[xyz[2]]));
-            if let Some([w, x, y, z]) = wxyz.map(|columns| columns.map(|column| row[column])) {
-                let q = Quaternion::new(w, x, y, z);
-                let norm = q.norm();
-                if (norm - 1.0).abs() > QUATERNION_NORM {
-                    let message = format!(
-                        "quaternion (qw, qx, qy, qz) has norm {norm}, it must be within {QUATERNION_NORM} of 1"
-                    );
-                    return Err(table.error(*line, message));
-                }
-                pose.rotation = UnitQuaternion::from_quaternion(q).to_rotation_matrix();
-            }
-            poses.push(pose);
-        }
-        let numbers = |name: &str| {
-            table.column(name).map(|c| table.rows.iter().map(|row| row.1[c]).collect::<Vec<f64>>())
-        };
-        let (s, t) = (numbers("s"), numbers("t"));
-        if let Some(t) = &t
-            && let Some(i) = (1..t.len()).find(|i| t[*i] <= t[*i - 1])
-        {
-            let message = format!("t is {} after {}, it must increase", t[i], t[i - 1]);
-            return Err(table.error(table.rows[i].0, message));
-        }
-        if let Some(s) = &s
-            && let Some(i) = (1..s.len()).find(|i| !arc_length_grows(&poses, s, *i))
-        {
-            let message = format!("s is {} after {}, it must increase with the pose", s[i], s[i - 1]);
-            return Err(table.error(table.rows[i].0, message));
-        }
-        let pieces = whole(Shape::Spline, poses.len());
-        let path = Self::build(pieces, poses, oriented, s.as_deref(), t.as_deref());
-        path.map_err(|error| table.error_in_file(error.to_string()))
-    }
-
-    /// Writes the samples as [`from_csv`](Self::from_csv) reads them.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn to_csv(&self, file: impl AsRef<FilePath>) -> Result<()> {
-        let mut header: Vec<String> = vec!["s".into(), "x".into(), "y".into(), "z".into()];
-        if self.has_orientation() {
-            header.extend(QUATERNION.map(String::from));
-        }
-        if self.t.is_some() {
-            header.push("t".into());
-        }
-        let rows = (0..self.len()).map(|i| {
-            let p = self.poses[i].translation.vector;
-            let mut row = vec![self.s[i], p.x, p.y, p.z];
-            if self.has_orientation() {
-                let q = UnitQuaternion::from_rotation_matrix(&self.poses[i].rotation);
-                row.extend([q.w, q.i, q.j, q.k]);
-            }
-            row.extend(self.t.as_ref().map(|t| t[i]));
-            row
-        });
-        table::write(file.as_ref(), &header, rows)
-    }
-
     /// The same path with one orientation everywhere.
     ///
     /// # Errors
@@ -388,11 +297,8 @@ impl Raster {
     }
 }
 
-const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
-const COLUMNS: [&str; 9] = ["x", "y", "z", "qw", "qx", "qy", "qz", "t", "s"];
-
 /// One piece of `n` samples.
-fn whole(shape: Shape, n: usize) -> Vec<PathPiece> {
+pub(super) fn whole(shape: Shape, n: usize) -> Vec<PathPiece> {
     vec![PathPiece { shape, shift: 0.0, first: 0, last: n.saturating_sub(1) }]
 }
 
@@ -436,7 +342,7 @@ pub(super) fn arc_length(poses: &[Pose]) -> Vec<f64> {
     s
 }
 
-fn arc_length_grows(poses: &[Pose], s: &[f64], i: usize) -> bool {
+pub(super) fn arc_length_grows(poses: &[Pose], s: &[f64], i: usize) -> bool {
     if s[i] == s[i - 1] {
         let (distance, angle) = step(poses, i);
         return distance <= PATH_STANDSTILL && angle <= PATH_SAME_ORIENTATION;

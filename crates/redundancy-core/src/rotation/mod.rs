@@ -34,7 +34,6 @@ pub use optimize::{
     DirectionCones, OrientationMethod, OrientationOptimizer, OrientationSettings, OrientationSolution,
     optimal_directions,
 };
-pub(crate) use quaternion::wrap;
 pub use quaternion::{
     compose, from_axis_angle, from_rotation, from_rounded_wxyz, from_rpy, from_wxyz, from_xyz, from_zyz,
     quaternion_error, rotation_angle, shortest_arc, swing_twist, to_axis_angle, to_rpy, to_wxyz, to_xyz,

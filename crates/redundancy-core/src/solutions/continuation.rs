@@ -13,28 +13,28 @@
 //! - **Closure.** A step that passes the start, modulo whole turns of revolute joints, in the direction in which it was
 //!   left, ends there. The last row is the first one plus whole turns.
 //!
-//! Over a pose, S-R-S arms have the closed form: their circles become the same kind of curve without a corrector.
+//! Over a pose, the pieces of an arm with a closed form become the same kind of curve without a corrector.
 //!
 //! Cost: one forward kinematics with Jacobian and one factorisation per point, about 1 us for seven joints.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
-use nalgebra::{DVector, Vector6};
+use nalgebra::DVector;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::closed_form::srs::Branch;
-use super::closed_form::srs::SrsArm;
-use crate::chain::{Chain, JointKind};
+use super::closed_form::closed_form;
+use super::solutions::Solutions;
+use crate::chain::{Chain, JointKind, Limits};
 use crate::criterion::check_redundant;
 use crate::error::{Error, Result};
-use crate::kinematics::{NullSpace, Scratch, Task, TaskKind};
+use crate::joint_space::{TURN, margin, turned};
+use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::path::{Event, EventKind};
 use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::{
-    CURVE_CONTAINS, KINEMATIC_SINGULARITY, SRS_EXACT, TRACE_CLOSURE, TRACE_ONE_STEP, TRACE_SHORTEST,
-    TRACE_TURN,
+    CURVE_CONTAINS, EDGE_FOUND, EDGE_WIDTH, KINEMATIC_SINGULARITY, TRACE_CLOSURE, TRACE_SHORTEST, TRACE_TURN,
 };
 
 /// Settings of [`trace_self_motion`].
@@ -70,97 +70,13 @@ impl TraceSettings {
     }
 }
 
-/// Newton's method towards the configurations over one task value.
-#[derive(Debug, Clone)]
-pub(crate) struct Fibre {
-    chain: Chain,
-    task: Task,
-    target: Pose,
-    scratch: Scratch,
-    jacobian: Vec<f64>,
-    null: NullSpace,
-    step: Vec<f64>,
-}
-
-impl Fibre {
-    pub fn new(chain: &Chain, task: &Task, target: &Pose) -> Self {
-        let (n, m) = (chain.dof(), task.dim());
-        Self {
-            chain: chain.clone(),
-            task: *task,
-            target: *target,
-            scratch: Scratch::new(chain),
-            jacobian: vec![0.0; m * n],
-            null: NullSpace::new(m, n),
-            step: vec![0.0; n],
-        }
-    }
-
-    /// Factors J at `q` and returns the task error there.
-    #[inline]
-    fn linearise(&mut self, q: &[f64]) -> Vector6<f64> {
-        let kinematics = self.chain.kinematics_unchecked(q, &mut self.scratch);
-        self.task.write_jacobian(&kinematics, &mut self.jacobian);
-        self.null.factor(&self.jacobian);
-        self.task.error(&self.target, kinematics.pose()).coordinates
-    }
-
-    /// One Newton step of at most `reach`; its length before the bound.
-    #[inline]
-    fn newton(&mut self, q: &mut [f64], reach: f64) -> f64 {
-        let error = self.linearise(q);
-        self.null.shortest(error.as_slice(), &mut self.step);
-        let length = norm(&self.step);
-        let factor = if length > reach { reach / length } else { 1.0 };
-        for (q, d) in q.iter_mut().zip(&self.step) {
-            *q += factor * d;
-        }
-        length
-    }
-
-    /// Corrects `q`, which is near already: false when a correction exceeds `reach` or there is no convergence.
-    /// Afterwards the factors are those at a point within [`TRACE_ONE_STEP`] of `q`.
-    #[inline]
-    pub fn correct(&mut self, q: &mut [f64], reach: f64) -> bool {
-        const STEPS: usize = 6;
-        for _ in 0..STEPS {
-            let length = self.newton(q, reach);
-            if length <= TRACE_ONE_STEP {
-                return true;
-            }
-            if length.is_nan() || length > reach {
-                return false;
-            }
-        }
-        false
-    }
-
-    /// Brings any `q` to the task value: false where that fails.
-    pub fn reach(&mut self, q: &mut [f64]) -> bool {
-        const STEPS: usize = 80;
-        const LONGEST: f64 = 0.5;
-        (0..STEPS).any(|_| self.newton(q, LONGEST) <= TRACE_ONE_STEP) && self.null.pivot_ratio() > 0.0
-    }
-
-    /// Unit tangent at the last point, sign by `det [J; t] > 0`.
-    fn tangent(&self) -> &[f64] {
-        self.null.basis().as_slice()
-    }
-
-    /// Factors at exactly `q`.
-    pub fn tangent_at(&mut self, q: &[f64]) -> &[f64] {
-        self.linearise(q);
-        self.tangent()
-    }
-}
-
 /// A curve of configurations over one task value.
 ///
 /// Rows are joint configurations that change continuously along the curve: revolute joints are not wound back into
 /// their limits on the way. The parameter s is the length of the curve in joint space from the first row.
 #[derive(Debug, Clone)]
 pub struct SelfMotionCurve {
-    fibre: Fibre,
+    fibre: Corrector,
     s: Vec<f64>,
     q: Vec<f64>,
     tangents: Vec<f64>,
@@ -194,11 +110,11 @@ pub fn trace_self_motion(
     chain.check_q(q)?;
     settings.validate()?;
     check_one_freedom(chain, &task)?;
-    let fibre = Fibre::new(chain, &geometric(task), &chain.forward_unchecked(q));
+    let fibre = Corrector::new(chain, geometric(task), &chain.forward_unchecked(q))?;
     Ok(Tracer::new(fibre, *settings).curve(q))
 }
 
-/// Every self-motion curve that is found over `target`: the circles of the closed form for S-R-S arms (all there are);
+/// Every self-motion curve that is found over `target`: the pieces of the closed form where the arm has one (all there are);
 /// for other chains curves through configurations that Newton's method finds from `starts` random ones.
 ///
 /// # Errors
@@ -215,17 +131,27 @@ pub fn self_motion_curves(
     settings.validate()?;
     check_one_freedom(chain, &task)?;
     let task = geometric(task);
-    let fibre = Fibre::new(chain, &task, target);
+    let fibre = Corrector::new(chain, task, target)?;
     if task.kind() == TaskKind::Pose
-        && let Ok(arm) = SrsArm::new(chain)
-        && arm.defect().position.max(arm.defect().orientation) <= SRS_EXACT
+        && let Some(form) = closed_form(chain).filter(|form| form.exact())
     {
-        let motion = arm.self_motion(target)?;
-        return Ok(motion.branches().iter().map(|branch| from_branch(&fibre, branch, settings)).collect());
+        let pieces = form.solutions(target)?;
+        return (0..pieces.pieces()).map(|piece| from_piece(&fibre, &*pieces, piece, settings)).collect();
     }
+    Ok(traced_curves(fibre, settings, seed, starts))
+}
+
+/// Curves through the configurations that Newton's method finds from random ones.
+pub(super) fn traced_curves(
+    fibre: Corrector,
+    settings: &TraceSettings,
+    seed: u64,
+    starts: usize,
+) -> Vec<SelfMotionCurve> {
+    let chain = fibre.chain().clone();
     let mut tracer = Tracer::new(fibre, *settings);
     let mut curves: Vec<SelfMotionCurve> = Vec::new();
-    for mut q in random_configurations(chain, seed, starts) {
+    for mut q in random_configurations(&chain, seed, starts) {
         if tracer.fibre.reach(&mut q)
             && tracer.fibre.correct(&mut q, settings.step)
             && !curves.iter().any(|curve| curve.contains(&q))
@@ -233,7 +159,7 @@ pub fn self_motion_curves(
             curves.push(tracer.curve(&q));
         }
     }
-    Ok(curves)
+    curves
 }
 
 /// Random configurations: within limits where there are any, else within a half turn (or a metre) of zero.
@@ -283,37 +209,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `b - a`, revolute joints the short way round.
-pub(crate) fn short_way(chain: &Chain, a: &[f64], b: &[f64], out: &mut [f64]) {
-    for (i, out) in out.iter_mut().enumerate() {
-        let d = b[i] - a[i];
-        *out = if chain.steps()[i].rotational { d - TAU * (d / TAU).round() } else { d };
-    }
-}
-
-/// The winding in which joint values are understood: the principal one, unless that breaks a limit and another does not.
-pub(crate) fn wind(chain: &Chain, q: &mut [f64]) {
-    for ((q, step), (lower, upper)) in
-        q.iter_mut().zip(chain.steps()).zip(chain.lower().iter().zip(chain.upper()))
-    {
-        if !step.rotational {
-            continue;
-        }
-        let principal = *q - TAU * (*q / TAU).round();
-        *q = principal;
-        if principal < *lower || principal > *upper {
-            // The least winding above the lower limit, where there is one.
-            let up = principal + TAU * ((lower - principal) / TAU).ceil();
-            let down = principal + TAU * ((upper - principal) / TAU).floor();
-            if up.is_finite() && up <= *upper {
-                *q = up;
-            } else if down.is_finite() && down >= *lower {
-                *q = down;
-            }
-        }
-    }
-}
-
 /// Cubic through `(0, a, ta)` and `(h, b, tb)` at `x`, joint by joint.
 fn hermite(a: &[f64], ta: &[f64], b: &[f64], tb: &[f64], h: f64, x: f64, out: &mut [f64]) {
     let u = x / h;
@@ -337,12 +232,12 @@ enum End {
 }
 
 struct Tracer {
-    fibre: Fibre,
+    fibre: Corrector,
     settings: TraceSettings,
 }
 
 impl Tracer {
-    fn new(fibre: Fibre, settings: TraceSettings) -> Self {
+    fn new(fibre: Corrector, settings: TraceSettings) -> Self {
         Self { fibre, settings }
     }
 
@@ -388,7 +283,7 @@ impl Tracer {
         let first: Vec<f64> = self.fibre.tangent_at(start).iter().map(|t| sense * t).collect();
         let (mut s, mut q, mut tangents) = (vec![0.0], start.to_vec(), first.clone());
         let (mut next, mut t, mut to_start) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        if self.fibre.null.pivot_ratio() < KINEMATIC_SINGULARITY {
+        if self.fibre.pivot_ratio() < KINEMATIC_SINGULARITY {
             return (s, q, tangents, End::Singular);
         }
         let mut h = self.settings.step;
@@ -424,7 +319,7 @@ impl Tracer {
             let length = arc(chord, turn);
             // Is the start on the way?
             if k > 0 {
-                short_way(&self.fibre.chain, here, start, &mut to_start);
+                self.fibre.chain().difference_into(here, start, &mut to_start);
                 let along = dot(&to_start, now);
                 if along > 0.0
                     && norm(&to_start) <= 2.0 * chord
@@ -434,16 +329,11 @@ impl Tracer {
                     let chord = norm(&to_start);
                     let cosine = dot(now, &first).min(1.0);
                     s.push(s[k] + arc(chord, (2.0 * (1.0 - cosine)).max(0.0).sqrt()));
-                    for i in 0..n {
-                        // Whole turns are added to the start itself, not to rounded differences.
-                        let turns = ((here[i] + to_start[i] - start[i]) / TAU).round();
-                        to_start[i] = if self.fibre.chain.steps()[i].rotational {
-                            start[i] + TAU * turns
-                        } else {
-                            start[i]
-                        };
-                    }
-                    q.extend_from_slice(&to_start);
+                    to_start.iter_mut().zip(here).for_each(|(d, q)| *d += q);
+                    // Whole turns are added to the start itself, not to rounded differences.
+                    let mut end = start.to_vec();
+                    self.fibre.chain().wind_to(&mut end, &to_start);
+                    q.extend_from_slice(&end);
                     tangents.extend_from_slice(&first);
                     return (s, q, tangents, End::Closed);
                 }
@@ -488,51 +378,63 @@ impl Tracer {
     }
 }
 
-/// A circle of the closed form as a curve: rows are added until neighbours are near and tangents turn little.
-fn from_branch(fibre: &Fibre, branch: &Branch<'_>, settings: &TraceSettings) -> SelfMotionCurve {
+/// A piece of the closed form as a curve: rows are added until neighbours are near and tangents turn little.
+fn from_piece(
+    fibre: &Corrector,
+    solutions: &dyn Solutions,
+    piece: usize,
+    settings: &TraceSettings,
+) -> Result<SelfMotionCurve> {
     const FIRST: usize = 64;
     const DEPTH: usize = 24;
-    let chain = &fibre.chain;
-    // Unit tangent and configuration; windings are made continuous below.
-    let point = |x: f64| -> Option<([f64; 7], [f64; 7])> {
-        let (q, t) = (branch.q(x).ok()?, branch.tangent(x).ok()?);
-        let length = norm(&t);
-        (length.is_finite() && length > 0.0).then(|| (q, t.map(|t| t / length)))
+    let chain = fibre.chain();
+    let n = chain.dof();
+    let closed = solutions.closed(piece)?;
+    let [first, last] = if closed { [0.0, TURN] } else { solutions.range(piece)? };
+    // Configuration and unit tangent; windings are made continuous below.
+    let point = |u: f64| -> Option<[Vec<f64>; 2]> {
+        let mut row = [vec![0.0; n], vec![0.0; n]];
+        solutions.q(piece, u, &mut row[0]).ok()?;
+        solutions.tangent(piece, u, &mut row[1]).ok()?;
+        let length = norm(&row[1]);
+        row[1].iter_mut().for_each(|t| *t /= length);
+        (length.is_finite() && length > 0.0).then_some(row)
     };
     let (mut s, mut q, mut tangents): (Vec<f64>, Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new(), Vec::new());
     let mut broken = false;
-    let mut push = |x: &([f64; 7], [f64; 7])| {
-        let n = q.len();
-        if n == 0 {
+    let mut step = vec![0.0; n];
+    let mut push = |[row, tangent]: &[Vec<f64>; 2]| {
+        if q.is_empty() {
             s.push(0.0);
-            q.extend(x.0);
+            q.extend_from_slice(row);
         } else {
-            let (here, now) = (&q[n - 7..], &tangents[n - 7..]);
-            let mut d = [0.0; 7];
-            short_way(chain, here, &x.0, &mut d);
-            let turn = (2.0 * (1.0 - dot(now, &x.1))).max(0.0).sqrt();
-            s.push(s[s.len() - 1] + arc(norm(&d), turn));
-            let next: Vec<f64> = here.iter().zip(d).map(|(a, d)| a + d).collect();
-            q.extend(next);
+            let (here, now) = (&q[q.len() - n..], &tangents[q.len() - n..]);
+            chain.difference_into(here, row, &mut step);
+            let turn = (2.0 * (1.0 - dot(now, tangent))).max(0.0).sqrt();
+            s.push(s[s.len() - 1] + arc(norm(&step), turn));
+            for step in &step {
+                q.push(q[q.len() - n] + step);
+            }
         }
-        tangents.extend(x.1);
+        tangents.extend_from_slice(tangent);
     };
-    let fine = |a: &([f64; 7], [f64; 7]), b: &([f64; 7], [f64; 7])| {
-        let mut d = [0.0; 7];
-        short_way(chain, &a.0, &b.0, &mut d);
-        norm(&d) <= settings.step && dot(&a.1, &b.1) >= TRACE_TURN.cos()
+    let mut between = vec![0.0; n];
+    let mut fine = |a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]| {
+        chain.difference_into(&a[0], &b[0], &mut between);
+        norm(&between) <= settings.step && dot(&a[1], &b[1]) >= TRACE_TURN.cos()
     };
-    let mut left = point(0.0);
+    let mut left = point(first);
     if let Some(left) = &left {
         push(left);
     }
     for k in 0..FIRST {
         // Depth first, left to right.
-        let (from, to) = (TAU * k as f64 / FIRST as f64, TAU * (k + 1) as f64 / FIRST as f64);
+        let at = |k: usize| first + (last - first) * k as f64 / FIRST as f64;
+        let (from, to) = (at(k), at(k + 1));
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
-            // The end is the beginning.
-            let right = point(if k + 1 == FIRST && b == to { 0.0 } else { b });
+            // The end of a closed piece is its beginning.
+            let right = point(if k + 1 == FIRST && b == to { if closed { first } else { last } } else { b });
             let near = left.as_ref().zip(right.as_ref()).is_some_and(|(a, b)| fine(a, b));
             if !near && depth < DEPTH {
                 let middle = 0.5 * (a + b);
@@ -547,8 +449,9 @@ fn from_branch(fibre: &Fibre, branch: &Branch<'_>, settings: &TraceSettings) -> 
             left = right;
         }
     }
-    let status = if broken { Status::Singular } else { Status::Converged };
-    SelfMotionCurve { fibre: fibre.clone(), s, q, tangents, closed: !broken, status, events: Vec::new() }
+    let status = if broken || !closed { Status::Singular } else { Status::Converged };
+    let closed = closed && !broken;
+    Ok(SelfMotionCurve { fibre: fibre.clone(), s, q, tangents, closed, status, events: Vec::new() })
 }
 
 impl SelfMotionCurve {
@@ -573,19 +476,19 @@ impl SelfMotionCurve {
         }
         crate::error::check_vector("q", &q, s.len() * chain.dof())?;
         crate::error::check_vector("tangents", &tangents, s.len() * chain.dof())?;
-        let fibre = Fibre::new(chain, &geometric(task), target);
+        let fibre = Corrector::new(chain, geometric(task), target)?;
         let closed = status == Status::Converged;
         Ok(Self { fibre, s, q, tangents, closed, status, events: ends })
     }
 
     /// The task whose value is held.
     pub fn task(&self) -> &Task {
-        &self.fibre.task
+        self.fibre.task()
     }
 
     /// The pose whose task value is held.
     pub fn target(&self) -> &Pose {
-        &self.fibre.target
+        self.fibre.target()
     }
 
     /// Unit tangents row by row.
@@ -600,7 +503,7 @@ impl SelfMotionCurve {
 
     /// The chain.
     pub fn chain(&self) -> &Chain {
-        &self.fibre.chain
+        self.fibre.chain()
     }
 
     /// Number of rows.
@@ -680,8 +583,20 @@ impl SelfMotionCurve {
         Ok(q)
     }
 
+    /// Unit tangent at parameter `s`, along the curve.
+    ///
+    /// # Errors
+    /// As [`at`](Self::at).
+    pub fn tangent(&self, s: f64) -> Result<Vec<f64>> {
+        let q = self.at(s)?;
+        let s = if self.closed { s.rem_euclid(self.length()) } else { s };
+        let mut fibre = self.fibre.clone();
+        let sense = self.sense(s, &mut fibre, &q);
+        Ok(fibre.tangent().iter().map(|t| sense * t).collect())
+    }
+
     /// The point at `s` within the rows: between rows the cubic, corrected.
-    fn exact(&self, s: f64, fibre: &mut Fibre, out: &mut [f64]) {
+    fn exact(&self, s: f64, fibre: &mut Corrector, out: &mut [f64]) {
         let n = out.len();
         if self.rows() < 2 {
             out.copy_from_slice(&self.q[..n]);
@@ -704,14 +619,14 @@ impl SelfMotionCurve {
     }
 
     /// The point at `s` within the rows, corrected by `fibre`.
-    pub(crate) fn interpolate(&self, s: f64, fibre: &mut Fibre) -> Vec<f64> {
+    pub(crate) fn interpolate(&self, s: f64, fibre: &mut Corrector) -> Vec<f64> {
         let mut q = vec![0.0; self.chain().dof()];
         self.exact(s, fibre, &mut q);
         q
     }
 
     /// 1 where the tangent by `det [J; t] > 0` at the point `q` of parameter `s` runs along the curve, else -1.
-    pub(crate) fn sense(&self, s: f64, fibre: &mut Fibre, q: &[f64]) -> f64 {
+    pub(crate) fn sense(&self, s: f64, fibre: &mut Corrector, q: &[f64]) -> f64 {
         let k = self.s.partition_point(|x| *x <= s).clamp(1, self.rows()) - 1;
         dot(fibre.tangent_at(q), self.tangent_row(k)).signum()
     }
@@ -722,7 +637,7 @@ impl SelfMotionCurve {
         let mut d = vec![0.0; n];
         let mut nearest = (f64::INFINITY, 0);
         for (k, row) in self.q.chunks_exact(n).enumerate() {
-            short_way(&self.fibre.chain, row, q, &mut d);
+            self.fibre.chain().difference_into(row, q, &mut d);
             let distance = norm(&d);
             if distance < nearest.0 {
                 nearest = (distance, k);
@@ -738,29 +653,24 @@ impl SelfMotionCurve {
         let mut at = self.q_row(k).to_vec();
         let (mut fibre, length) = (self.fibre.clone(), self.length());
         for _ in 0..6 {
-            short_way(&self.fibre.chain, &at, q, &mut d);
+            self.fibre.chain().difference_into(&at, q, &mut d);
             let sign = dot(fibre.tangent_at(&at), self.tangent_row(k)).signum();
             let along = sign * dot(&d, fibre.tangent());
             s = if self.closed { (s + along).rem_euclid(length) } else { (s + along).clamp(0.0, length) };
             self.exact(s, &mut fibre, &mut at);
         }
-        short_way(&self.fibre.chain, &at, q, &mut d);
+        self.fibre.chain().difference_into(&at, q, &mut d);
         norm(&d) <= CURVE_CONTAINS
     }
 
     /// How far joint `i` is within its limits (negative outside) at `q`, in its best winding.
-    fn margin(&self, i: usize, q: f64) -> f64 {
+    pub(super) fn margin(&self, i: usize, q: f64) -> f64 {
         let joint = &self.chain().joints()[i];
         let (lower, upper) = (joint.limits.lower, joint.limits.upper);
         if joint.kind == JointKind::Prismatic {
             return (q - lower).min(upper - q);
         }
-        let half = 0.5 * (upper - lower);
-        if half >= PI {
-            return f64::INFINITY;
-        }
-        let d = q - (lower + half);
-        half - (d - TAU * (d / TAU).round()).abs()
+        margin(q, lower, upper)
     }
 
     /// Arcs on which every joint is within its limits in some winding, with `margin` (rad or m) from each: `[lo, hi]` of
@@ -813,27 +723,44 @@ impl SelfMotionCurve {
         let mut fibre = self.fibre.clone();
         let mut q = vec![0.0; n];
         let mut out = Vec::new();
-        for i in (0..n).filter(|i| self.margin(*i, 0.0).is_finite()) {
-            let mut value = |s: f64| {
+        for i in 0..n {
+            // The least that a joint has in its best winding; where that is enough it limits nothing.
+            let Limits { lower, upper, .. } = self.chain().joints()[i].limits;
+            let middle = 0.5 * (lower + upper);
+            let turns = self.chain().steps()[i].rotational;
+            if turns && 0.5 * (upper - lower) - PI >= margin {
+                continue;
+            }
+            let mut joint = |s: f64| {
                 self.exact(s, &mut fibre, &mut q);
-                self.margin(i, q[i]) - margin
+                q[i]
             };
             for k in 0..self.rows().saturating_sub(1) {
-                let at = |k: usize| self.margin(i, self.q[k * n + i]) - margin;
-                let (a, b) = (at(k), at(k + 1));
+                let (qa, qb) = (self.q[k * n + i], self.q[(k + 1) * n + i]);
                 let (sa, sb) = (self.s[k], self.s[k + 1]);
+                let room = |q: f64| self.margin(i, q) - margin;
+                let (a, b) = (room(qa), room(qb));
+                let mut push = |s: f64, inside: bool| out.push((k, s, i, inside));
                 if (a >= 0.0) != (b >= 0.0) {
-                    out.push((k, bisect(&mut value, sa, sb, a >= 0.0), i, b >= 0.0));
+                    push(edge(&mut |s| room(joint(s)), sa, sb, a >= 0.0), b >= 0.0);
                     continue;
                 }
-                // The joint turns round in between: its extremum may lie on the other side.
-                let (ta, tb) = (self.tangents[k * n + i], self.tangents[(k + 1) * n + i]);
-                if ta * tb < 0.0 && a.abs().min(b.abs()) <= ta.abs().max(tb.abs()) * (sb - sa) {
-                    let top = sa + (sb - sa) * ta / (ta - tb);
-                    let middle = value(top);
-                    if (middle >= 0.0) != (a >= 0.0) {
-                        out.push((k, bisect(&mut value, sa, top, a >= 0.0), i, middle >= 0.0));
-                        out.push((k, bisect(&mut value, top, sb, middle >= 0.0), i, b >= 0.0));
+                // Half a turn away from the middle of the range, where the winding changes, it has least room.
+                let half = |q: f64| crate::joint_space::turns(q - middle);
+                let far = turned(middle, 0.5 * (half(qa) + half(qb)));
+                let between = if turns && half(qa) != half(qb) {
+                    Some(edge(&mut |s| (joint(s) - far) * (qb - qa).signum(), sa, sb, false))
+                } else {
+                    // The joint turns round in between: its extremum may lie on the other side.
+                    let (ta, tb) = (self.tangents[k * n + i], self.tangents[(k + 1) * n + i]);
+                    let near = a.abs().min(b.abs()) <= ta.abs().max(tb.abs()) * (sb - sa);
+                    (ta * tb < 0.0 && near).then(|| sa + (sb - sa) * ta / (ta - tb))
+                };
+                if let Some(between) = between {
+                    let inside = room(joint(between)) >= 0.0;
+                    if inside != (a >= 0.0) {
+                        push(edge(&mut |s| room(joint(s)), sa, between, a >= 0.0), inside);
+                        push(edge(&mut |s| room(joint(s)), between, sb, inside), b >= 0.0);
                     }
                 }
             }
@@ -843,21 +770,50 @@ impl SelfMotionCurve {
     }
 }
 
-/// Where `value` changes its sign between `a` (where it is at or above zero when `positive`) and `b`.
-fn bisect(value: &mut impl FnMut(f64) -> f64, mut a: f64, mut b: f64, positive: bool) -> f64 {
+/// Where `value` changes its sign between `a` (where it is at or above zero when `positive`) and `b`: the end at or above
+/// zero of a bracket as narrow as rounding allows. Illinois' rule, then bisection.
+fn edge(value: &mut impl FnMut(f64) -> f64, a: f64, b: f64, positive: bool) -> f64 {
+    const SECANTS: usize = 12;
     const HALVINGS: usize = 60;
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (a + b);
-        if middle <= a || middle >= b {
+    let sign = if positive { 1.0 } else { -1.0 };
+    // From here on positive at a, negative at b.
+    let (mut a, mut b) = (a, b);
+    let (mut fa, mut fb) = (sign * value(a), sign * value(b));
+    let mut last = 0.0;
+    for _ in 0..SECANTS {
+        let x = a + (b - a) * fa / (fa - fb);
+        if !(x > a.min(b) && x < a.max(b)) {
             break;
         }
-        if (value(middle) >= 0.0) == positive {
-            a = middle;
-        } else {
-            b = middle;
+        let fx = sign * value(x);
+        if fx.abs() <= EDGE_FOUND {
+            // A bracket around it.
+            let [low, high] = [x - EDGE_WIDTH, x + EDGE_WIDTH].map(|x| x.clamp(a, b));
+            if sign * value(low) >= 0.0 {
+                a = low;
+            }
+            if sign * value(high) < 0.0 {
+                b = high;
+            }
+            break;
         }
+        if fx >= 0.0 {
+            (a, fa) = (x, fx);
+            fb *= if last > 0.0 { 0.5 } else { 1.0 };
+        } else {
+            (b, fb) = (x, fx);
+            fa *= if last < 0.0 { 0.5 } else { 1.0 };
+        }
+        last = fx;
     }
-    0.5 * (a + b)
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (a + b);
+        if middle <= a || middle >= b || b - a <= EDGE_WIDTH {
+            break;
+        }
+        if sign * value(middle) >= 0.0 { a = middle } else { b = middle }
+    }
+    if positive { a } else { b }
 }
 
 /// A sampled patch of a self-motion of two dimensions: points `q(a, b)` over the grid `a, b in {-k..k} spacing`
@@ -892,9 +848,9 @@ pub fn self_motion_patch(
     if steps > 500 {
         return Err(Error::OutOfRange { what: "steps".into(), value: steps as f64, bound: "<= 500".into() });
     }
-    let mut fibre = Fibre::new(chain, &geometric(task), &chain.forward_unchecked(q));
+    let mut fibre = Corrector::new(chain, geometric(task), &chain.forward_unchecked(q))?;
     fibre.linearise(q);
-    let basis = fibre.null.basis().clone();
+    let basis = fibre.basis().clone();
     let start = DVector::from_column_slice(q);
     let side = 2 * steps + 1;
     let mut out: Vec<Option<Vec<f64>>> = vec![None; side * side];

@@ -18,21 +18,23 @@
 //!
 //! References: [FromGravdahl2007], [FromGravdahl2009].
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use nalgebra::{Const, SVector, Vector3};
-use rayon::prelude::*;
 
 use super::curve::Curve;
 use super::motion::{Arm, Size, Workspace};
 use super::search::{self, Bounds, Grid, Kind, State, rows_of};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
+use crate::joint_space::{TURN, nearest, wrap};
+use crate::parallel::prelude::*;
 use crate::path::{Event, Path, QuinticBasis, Trajectory};
 use crate::pose::Pose;
-use crate::solutions::lines;
+use crate::solutions::{ClosedForm, closed_form, lines};
 use crate::status::Status;
 use crate::timing::{SpeedLimit, SpeedSettings};
 use crate::tolerance::JOINT_JUMP;
@@ -241,7 +243,7 @@ impl OrientationPlan {
 /// Plans tilt and spin along a path for the highest constant tool speed.
 ///
 /// The cone stands on the orientations of the path; a path of positions has the tool down ([`tool_down`](super::tool_down)). Between its
-/// samples the path is a quintic spline, or its analytic shape. Runs on the current rayon pool. The result depends on the number of
+/// samples the path is a quintic spline, or its analytic shape. Runs on the current pool. The result depends on the number of
 /// threads and the machine only through what the time limit cuts off.
 ///
 /// ```
@@ -291,6 +293,7 @@ struct Verified {
 
 struct Planner<'a, const N: usize, const M: usize> {
     chain: &'a Chain,
+    form: Option<Arc<dyn ClosedForm>>,
     path: &'a Path,
     curve: Curve,
     settings: &'a OrientationPlanSettings,
@@ -336,6 +339,7 @@ where
         let steps = std::sync::atomic::AtomicUsize::new(0);
         Ok(Self {
             chain,
+            form: closed_form(chain),
             path,
             curve,
             settings,
@@ -436,22 +440,22 @@ where
         }
         // Points that are out of reach with every orientation of a sparse set in the cone.
         let poses = self.plain_poses(self.path.s());
-        let mut blocked = lines::unreachable(self.chain, &poses);
+        let mut blocked = lines::unreachable(self.chain, self.form.as_deref(), &poses);
         for tilt in [0.5, 1.0] {
             for k in 0..8 {
                 if blocked.is_empty() {
                     break;
                 }
-                let a = TAU * f64::from(k) / 8.0;
+                let a = TURN * f64::from(k) / 8.0;
                 let e = [self.bounds.tilt * tilt * a.cos(), self.bounds.tilt * tilt * a.sin()];
                 for spin in 0..4 {
                     let psi = FRAC_PI_2 * f64::from(spin);
-                    if psi.min(TAU - psi) > self.bounds.spin {
+                    if wrap(psi).abs() > self.bounds.spin {
                         continue;
                     }
                     let left: Vec<Pose> =
                         blocked.iter().map(|k| self.pose_at(self.path.s()[*k], [e[0], e[1], psi])).collect();
-                    let still = lines::unreachable(self.chain, &left);
+                    let still = lines::unreachable(self.chain, self.form.as_deref(), &left);
                     blocked = still.into_iter().map(|i| blocked[i]).collect();
                 }
             }
@@ -523,7 +527,7 @@ where
                     for turns in [0.0, 1.0, -1.0] {
                         let parts = if N == 6 { 8 } else { 4 };
                         for k in 0..parts {
-                            let from = TAU * f64::from(k) / f64::from(parts);
+                            let from = TURN * f64::from(k) / f64::from(parts);
                             shapes.push((*lean, Spin::Turns { from, turns }));
                         }
                         shapes.push((*lean, Spin::Pointing { turns }));
@@ -544,15 +548,15 @@ where
                     let e = point.rotation.tr_mul(&z.cross(&offset)) * (lean * self.bounds.tilt / most);
                     let share = (s - low) / length;
                     let psi = match spin {
-                        Spin::Turns { from, turns } => from + TAU * turns * share,
+                        Spin::Turns { from, turns } => from + TURN * turns * share,
                         Spin::Pointing { turns } => {
                             let radial = point.rotation.tr_mul(&Vector3::new(-p.x, -p.y, 0.0));
                             let mut angle = radial.y.atan2(radial.x);
                             if last.is_finite() {
-                                angle += TAU * ((last - angle) / TAU).round();
+                                angle = nearest(angle, last);
                             }
                             last = angle;
-                            angle + TAU * turns * share
+                            angle + TURN * turns * share
                         }
                     };
                     [e.x, e.y, psi]
@@ -579,7 +583,7 @@ where
                     })
                     .collect();
                 let mut work = Workspace::new(self.chain);
-                lines::starts(self.chain, &poses[0])
+                lines::starts(self.chain, self.form.as_deref(), &poses[0])
                     .iter()
                     .filter_map(|start| self.start(grid, &three, &poses, start, &mut work))
                     .collect()

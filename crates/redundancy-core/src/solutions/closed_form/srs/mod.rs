@@ -7,17 +7,15 @@ mod circle;
 mod geometry;
 mod intervals;
 mod optimum;
+mod solutions;
 mod spherical;
 
 pub use arm::{SrsArm, Swivel};
 pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
-pub use geometry::Defect;
 pub use optimum::Choice;
 
-pub(crate) use arm::{opposite, principal, signs, within};
+pub(crate) use arm::signs;
 pub(crate) use batch::at;
-pub(crate) use circle::outside;
-pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
-pub(crate) use optimum::nearest_winding;
+pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical};
