@@ -1,8 +1,15 @@
 //! Every numeric threshold of the crate, named, with the reason for its size.
 
-/// Largest deviation of `R^T R` from the identity (max norm) in a pose given by the caller.
-/// Single-precision matrices (6e-8 per entry) pass, matrices with a typing error do not.
+/// Largest deviation of `R^T R` from the identity (max norm) of a rotation that is used as the caller gives it.
+/// Single-precision matrices (6e-8 per entry) are.
 pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
+
+/// Largest distance (spectral norm) of a matrix from the nearest rotation, by which it is replaced: matrices printed with
+/// three decimals pass, matrices with a typing error do not. The same as for the norm of quaternions.
+pub const ROTATION_NEAR: f64 = 1e-3;
+
+/// Asymmetry and negative eigenvalues of an inertia tensor, relative to its largest entry, that rounding explains.
+pub const INERTIA_ROUNDING: f64 = 1e-9;
 
 /// Least norm of a vector that is meant as a direction: below it the rounding of the entries decides.
 pub const DIRECTION_NORM: f64 = 1e-9;
