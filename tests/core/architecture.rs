@@ -27,12 +27,11 @@ const ROOMS: [&[&str]; 9] = [
 const LONGEST: usize = 800;
 
 /// Files that were longer before the rule: none of them grows. Take a file off when it has shrunk below the rule.
-const LARGE: [(&str, usize); 5] = [
+const LARGE: [(&str, usize); 4] = [
     ("planning/refine/linear.rs", 989),
     ("rotation/optimize.rs", 1090),
     ("rotation/volume.rs", 863),
     ("solutions/closed_form/srs/optimum.rs", 894),
-    ("solutions/continuation.rs", 924),
 ];
 
 /// Imports that close a cycle and are not mended yet: from, to. The list shrinks.
