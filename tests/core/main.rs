@@ -16,6 +16,7 @@ mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod kinematics;
 mod optimum;
+mod panda_class;
 mod parallel;
 mod path;
 mod plan;

@@ -169,11 +169,7 @@ impl Target {
         let (r, w) = (all(g.radii[0]), all(g.radii[1]));
         let radius7 = all(self.radius7);
         let arm = times(&g.fore, [w - r * y.cos, r * y.sin, all(g.step4)]);
-        let hand = times(&g.hand, [
-            all(g.offset7) - radius7 * x.cos,
-            -radius7 * x.sin,
-            all(self.step7),
-        ]);
+        let hand = times(&g.hand, [all(g.offset7) - radius7 * x.cos, -radius7 * x.sin, all(self.step7)]);
         let [cos, sin] = g.bend;
         let across = (hand[0] - all(cos) * arm[0]) * all(1.0 / sin);
         let squared = all(self.mean_x) - all(self.swing_x) * x.cos;
@@ -199,7 +195,14 @@ impl Target {
 
     /// The configurations of a chord whose component along the normal is `normal`, and the turns that they are made of.
     #[inline(always)]
-    pub fn rows(&self, g: &PandaGeometry, x: Turns, y: Turns, chord: &Chord, normal: f64x4) -> (Rows, Turned) {
+    pub fn rows(
+        &self,
+        g: &PandaGeometry,
+        x: Turns,
+        y: Turns,
+        chord: &Chord,
+        normal: f64x4,
+    ) -> (Rows, Turned) {
         let none = [1.0, 0.0];
         let [cos, sin] = g.bend.map(all);
         let (c, v) = (chord.across, chord.arm);
@@ -247,8 +250,8 @@ impl Target {
         let pace = at.half * at.sine;
         let (arm, hand) = (rates.arm.map(|x| x * pace), rates.hand.map(|x| x * pace));
         let across = rates.across * pace;
-        let five =
-            turning(chord.arm[1], chord.arm[2], arm[1], arm[2]) - turning(chord.across, normal, across, slope);
+        let five = turning(chord.arm[1], chord.arm[2], arm[1], arm[2])
+            - turning(chord.across, normal, across, slope);
         let c = cos * chord.across - sin * chord.arm[0];
         let d = cos * across - sin * arm[0];
         let six = turning(c, normal, d, slope) - turning(chord.hand[1], chord.hand[2], hand[1], hand[2]);
@@ -271,7 +274,8 @@ impl Target {
             let axis2 = [first.sin * sin, -first.cos * sin, cos];
             let normal = cross(axis2, axis3);
             let least = all(f64::MIN_POSITIVE);
-            let volume = normal[2].simd_lt(all(0.0)).select(normal[2].fast_min(-least), normal[2].fast_max(least));
+            let volume =
+                normal[2].simd_lt(all(0.0)).select(normal[2].fast_min(-least), normal[2].fast_max(least));
             [
                 dot(spin, normal) / volume,
                 (spin[0] * axis3[1] - spin[1] * axis3[0]) / volume,
@@ -324,12 +328,8 @@ fn shoulders(g: &PandaGeometry, a1: Vectors, a3: Vectors, gimbal: f64x4) -> [[Tu
         let second = Turns { cos: -angle.cos, sin: sine };
         let (x, y) = (sine * sin2, angle.cos * sin2);
         let y = cos1 * y - sin1 * cos2;
-        let first = Turns::along(
-            a3[0] * x + a3[1] * y,
-            a3[1] * x - a3[0] * y,
-            GIMBAL_SINE * GIMBAL_SINE,
-            [1.0, 0.0],
-        );
+        let first =
+            Turns::along(a3[0] * x + a3[1] * y, a3[1] * x - a3[0] * y, GIMBAL_SINE * GIMBAL_SINE, [1.0, 0.0]);
         // The first row of what is left for joint 3.
         let row = |v: Vectors| {
             let [x, y] = first.undo(v[0], v[1]);
