@@ -2,9 +2,10 @@
 
 Usage: counts.py [--store] [--against FILE] [--binary FILE] [KERNEL ...]
 
-A count does not depend on the load of the machine: a change of 3 % is seen where times vary by 30 %. It does depend on
-the compiler and, through the C library's choice of routines, on the processor; the stored file names both. Standard
-library only. Needs `valgrind`; exits with 1 when a kernel has become more expensive than LIMIT, with 2 without valgrind.
+A count does not depend on the load of the machine: a change of 3 % is seen where times vary by 30 %. It does depend
+on the compiler and, through the C library's choice of routines, on the processor; the stored file names both. Standard
+library only. Needs `valgrind`; exits with 1 when a kernel takes more than LIMIT times what was stored, with 2 without
+valgrind.
 """
 
 import argparse
@@ -119,7 +120,11 @@ def main() -> None:
     here = machine()
     if options.store:
         kept = {name: n for name, n in stored.get("kernels", {}).items() if name in known} | new
-        document = {"commit": commit(), **here, "kernels": {name: kept[name] for name in known if name in kept}}
+        document = {
+            "commit": commit(),
+            **here,
+            "kernels": {name: kept[name] for name in known if name in kept},
+        }
         options.against.write_text(json.dumps(document, indent=1) + "\n")
         print(f"{len(new)} kernels stored in {options.against}")
         return

@@ -24,7 +24,9 @@ use redundancy_core::planning::{
     BarrierRule, FlowState, OrientationRule, RuleKind, SwivelFlow, SwivelFlowSettings, SwivelPlanSettings,
     plan_swivel,
 };
-use redundancy_core::rotation::{Barrier, Cone, OrientationMethod, OrientationOptimizer, OrientationSettings};
+use redundancy_core::rotation::{
+    Barrier, Cone, OrientationMethod, OrientationOptimizer, OrientationSettings,
+};
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Sphere};
 use redundancy_core::solutions::{SphericalWristArm, SrsArm, TraceSettings, trace_self_motion};
 use redundancy_core::timing::{SpeedSettings, fastest_line, max_speed};

@@ -13,11 +13,18 @@ import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import _paint, plot
+from redundancy import _paint, _plan, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -729,6 +736,102 @@ def _numbers(text: str, option: str, count: int) -> NDArray[np.float64]:
     if len(values) != count or not np.isfinite(values).all():
         raise rd.RedundancyError(f"{option} is '{text}', it must be {count} numbers with commas")
     return values
+
+
+# --- plan -------------------------------------------------------------------------------------------------
+
+
+@app.command()
+def plan(
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    path: Annotated[File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz or positions only, t (s) or s (m).")],
+    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    tool: Annotated[str, typer.Option(help="Tool centre point after the tip, m: x,y,z.")] = "0,0,0",
+    half_angle: Annotated[float, typer.Option(help="How far the tool may lean, degrees.")] = 0.0,
+    spin: Annotated[str, typer.Option(help="free, or degrees to either side.")] = "0",
+    axis: Annotated[str, typer.Option(help="Tool axis in the tool frame: x,y,z.")] = "0,0,1",
+    task: Annotated[str | None, typer.Option(help="pose, position, pointing, planar, planar_pose.")] = None,
+    cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
+    objective: Annotated[str, typer.Option(help="motion, length or peak_speed.")] = "motion",
+    motion_weight: Annotated[float | None, typer.Option(help="Weight of the joint motion.")] = None,
+    limit_weight: Annotated[float | None, typer.Option(help="Weight of the distance from limits.")] = None,
+    joint_weights: Annotated[str | None, typer.Option(help="Weight of each joint, with commas.")] = None,
+    q_start: Annotated[str | None, typer.Option(help="Joints at the first point, rad or m.")] = None,
+    q_end: Annotated[str | None, typer.Option(help="Joints at the last point, rad or m.")] = None,
+    tool_speed: Annotated[float | None, typer.Option(help="Constant speed of the tool, m/s.")] = None,
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
+    margin: Annotated[float, typer.Option(help="Distance kept from the joint limits, degrees.")] = 0.0,
+    time_limit: Annotated[float, typer.Option(help="Seconds until the best so far is taken.")] = 10.0,
+    seed: Annotated[int, typer.Option(help="Seed of the random postures.")] = 0,
+    threads: Annotated[int | None, typer.Option(help="Threads; all cores by default.")] = None,
+    plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
+) -> None:
+    """Plan a whole path for any arm, with any freedom of the tool.
+
+    Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs. Ctrl-C keeps the best line so far.
+    Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
+
+    Example:  redundancy plan --robot panda --path path.csv --out run/
+    Example:  redundancy plan --robot ur5.urdf --base base_link --tip tool0 --path path.csv --spin free --out run/
+    """
+    chain = load_robot(robot, base, tip)
+    if tool != "0,0,0":
+        pose = np.eye(4)
+        pose[:3, 3] = _plan.vector(tool, "--tool", 3)
+        chain = chain.with_tool(pose)
+    joints = chain.dof
+
+    def given(text: str | None, option: str) -> NDArray[np.float64] | None:
+        return None if text is None else _plan.vector(text, option, joints)
+
+    limits: Any = velocity_limits if velocity_limits == "chain" else None
+    if velocity_limits not in {"chain", "off"}:
+        limits = np.deg2rad(_plan.vector(velocity_limits, "--velocity-limits", joints))
+    options: dict[str, Any] = {
+        "freedom": rd.ToolFreedom(
+            np.deg2rad(half_angle), _plan.spin_of(spin), tuple(_plan.vector(axis, "--axis", 3))
+        ),
+        "task": task,
+        "cyclic": cyclic,
+        "objective": objective,
+        "joint_weights": given(joint_weights, "--joint-weights"),
+        "q_start": given(q_start, "--q-start"),
+        "q_end": given(q_end, "--q-end"),
+        "tool_speed": tool_speed,
+        "velocity_limits": limits,
+        "margin": float(np.deg2rad(margin)),
+        "time_limit": time_limit,
+        "seed": seed,
+        "threads": threads,
+    }
+    weights = {"motion_weight": motion_weight, "limit_weight": limit_weight}
+    options |= {name: value for name, value in weights.items() if value is not None}
+    plan_job(_plan.Job(chain, robot, path, rd.Path.from_csv(path), out, options, plots))
+
+
+def plan_job(job: _plan.Job) -> None:
+    """Run one job of `plan`, with a bar while it plans, and print what came out."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=_err, transient=True, disable=not _err.is_terminal) as progress:
+        task = progress.add_task("planning", total=1.0)
+
+        def show(share: float) -> None:
+            progress.update(task, completed=share)
+
+        job.progress = show
+        written = job.run()
+    if job.plan is None:
+        return
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value in _plan.rows(job.plan):
+        table.add_row(name, escape(value))
+    console = _out if _out.is_terminal else Console(width=160, highlight=False)
+    console.print(table)
+    _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)
+    if not job.plan.legal:
+        raise CannotFollowError(job.plan.reason or str(job.plan.status))
 
 
 # --- demo -------------------------------------------------------------------------------------------------

@@ -1133,6 +1133,12 @@ class SrsArm:
     def chain(self) -> Chain:
         """The chain that was recognised."""
     @property
+    def name(self) -> str:
+        """`"srs"`."""
+    @property
+    def parameter(self) -> str:
+        """`"swivel"`."""
+    @property
     def chart(self) -> str:
         """Name of the chart."""
     @property
@@ -1219,7 +1225,17 @@ class SelfMotion:
         """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
     @property
     def reason(self) -> str:
-        """Why none, with the number: too far or too near by x mm; which joint, by how much at best. Else empty."""
+        """Why none, with the number: too far or too near by x mm; which joint, by how much at best.
+
+        Where the verdict is not `proven`, also why. Else empty.
+        """
+    @property
+    def proven(self) -> bool:
+        """Status and branches are exact.
+
+        False for an arm with a defect above 1e-9, and where shoulder or wrist reach a gimbal over this pose: there the
+        outer joints may share their sum in any way, beside the branches.
+        """
     @property
     def branches(self) -> list[Branch]:
         """The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach."""
@@ -1276,7 +1292,13 @@ class Choice:
         """`converged`, `limits` or `unreachable`."""
     @property
     def reason(self) -> str:
-        """Why there is none; empty when there is one."""
+        """Why there is none, or why it is not proven to be the best; else empty."""
+    @property
+    def proven(self) -> bool:
+        """No configuration over the pose is better; where there is none, the verdict is exact.
+
+        False for the best of a scan (criteria without bounds), and at gimbals that leave joints free.
+        """
 
 @final
 class ChoiceBatch:
@@ -1297,6 +1319,9 @@ class ChoiceBatch:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """`(N,)`: there is a configuration within the limits."""
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """`(N,)`: there is one, and no other over the pose is better."""
 
 @final
 class SolveBatch:
@@ -1473,7 +1498,14 @@ class IkResult:
     """The answer over one pose."""
 
     def __new__(
-        cls, q: ArrayLike, status: str, iterations: int, position_error: float, orientation_error: float
+        cls,
+        q: ArrayLike,
+        status: str,
+        iterations: int,
+        position_error: float,
+        orientation_error: float,
+        proven: bool = False,
+        starts: int = 0,
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1497,6 +1529,15 @@ class IkResult:
     @property
     def orientation_error(self) -> float:
         """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+    @property
+    def proven(self) -> bool:
+        """The status is exact: `converged` always, others from a closed form without defect.
+
+        False where it is that of a finite search; `reason` then says of how many starts.
+        """
+    @property
+    def starts(self) -> int:
+        """Starts of the numeric search; 0 from a closed form alone."""
 
 @final
 class IkBatch:
@@ -1509,6 +1550,7 @@ class IkBatch:
         iterations: NDArray[np.uint32],
         position_error: NDArray[np.float64],
         orientation_error: NDArray[np.float64],
+        proven: NDArray[np.bool_],
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1525,6 +1567,9 @@ class IkBatch:
     @property
     def orientation_error(self) -> NDArray[np.float64]:
         """`(N,)`, rad."""
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """`(N,)`: whether each status is exact, as `IkResult.proven`."""
     def __len__(self) -> int: ...
 
 @final
@@ -1552,6 +1597,12 @@ class SphericalWristArm:
     @property
     def chain(self) -> Chain:
         """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"spherical_wrist"`."""
+    @property
+    def parameter(self) -> None:
+        """`None`: the configurations over a pose are isolated."""
     @property
     def defect(self) -> tuple[float, float]:
         """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
@@ -1608,6 +1659,13 @@ class Configurations:
     def reason(self) -> str:
         """Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty."""
     @property
+    def proven(self) -> bool:
+        """Status and branches are exact.
+
+        False for an arm with a defect above 1e-9, and where the pose leaves a joint free (wrist centre on axis 1, wrist
+        at its gimbal).
+        """
+    @property
     def distance(self) -> float:
         """Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach."""
     @property
@@ -1616,6 +1674,182 @@ class Configurations:
     @property
     def branches(self) -> NDArray[np.int8]:
         """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
+
+# closed forms and solutions over a pose
+
+def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | SphericalWristArm | None:
+    """The closed form of an arm, recognised from its geometry.
+
+    Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
+    describes its spare freedom (`"swivel"`), `None` where configurations over a pose are isolated.
+
+    Args:
+        chain: The arm; an arm object is returned as it is.
+
+    Returns:
+        The arm object, or `None` where no closed form is known.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.closed_form(rd.catalog.load("iiwa14")).parameter
+        'swivel'
+        >>> rd.closed_form(rd.catalog.load("puma560")).name
+        'spherical_wrist'
+    """
+
+def solutions(
+    chain: Chain | SrsArm | SphericalWristArm,
+    pose: Any,
+    freedom: None = None,
+    *,
+    task: str | Task | None = None,
+    closed_form: bool = True,
+    seed: int | None = None,
+    starts: int | None = None,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> Solutions:
+    """Every configuration of an arm over a pose, through one interface for all arms.
+
+    From the closed form where the arm has one. Otherwise Newton's method is started from seeded random configurations
+    within the limits, and curves are traced through what it finds: then `proven` is False, for there may be others.
+
+    Args:
+        chain: The arm, or an arm object (whose chart then holds for the swivel).
+        pose: `(4, 4)` or SE3-like, base frame, m; `(2,)` for the task `planar`.
+        freedom: Must be `None`.
+        task: Which coordinates of the pose count; default the pose. The task must leave no or one freedom.
+        closed_form: Use the closed form where there is one.
+        seed: Seed of the random starts; default 0.
+        starts: Number of random starts; default 100.
+        step: Largest joint step between rows of traced curves; default 0.01.
+        max_rows: Rows after which a traced curve is given up; default 200 000.
+
+    Raises:
+        RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task has
+            coordinates, or with two or more joints beyond them.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("iiwa14")
+        >>> s = rd.solutions(chain, chain.forward([0.1, 0.5, 0.2, -1.2, 0.3, 0.8, 0.0]))
+        >>> s.dimension, str(s.status), s.proven, len(s.pieces)
+        (1, 'converged', True, 8)
+        >>> piece = s.pieces[0]
+        >>> piece.label, piece.closed, piece.q([0.0, 0.5]).shape
+        ('+++', True, (2, 7))
+        >>> s.best(rd.JointRange(chain)).proven
+        True
+    """
+
+@final
+class Solutions:
+    """Every configuration over one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`."""
+
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+    @property
+    def dimension(self) -> int:
+        """0 for isolated configurations, 1 for curves."""
+    @property
+    def status(self) -> Status:
+        """`converged` (some configuration holds the joint limits), `limits` (only others) or `unreachable` (none)."""
+    @property
+    def reason(self) -> str:
+        """Why none holds the limits, with the number, and why the verdict is not `proven`; else empty."""
+    @property
+    def proven(self) -> bool:
+        """Status and pieces are exact; False where they are those of a finite search, whose starts `reason` counts."""
+    @property
+    def pieces(self) -> list[Piece]:
+        """The points or curves, whether their limits hold or not."""
+    def nearest(self, q: ArrayLike) -> Solution:
+        """The configuration within the limits nearest to `q`, windings included; its `value` is the distance.
+
+        Args:
+            q: `(n,)`.
+        """
+    def best(self, criterion: Criterion) -> Solution:
+        """The best configuration within the limits.
+
+        Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums; else a
+        dense scan of all pieces, refined.
+
+        Args:
+            criterion: For as many joints as the arm has.
+        """
+
+@final
+class Piece:
+    """One point or curve of `Solutions`.
+
+    The parameter `u` of a closed curve has period 2 pi; for an S-R-S arm it is the swivel, for a traced curve it is
+    proportional to the length in joint space.
+    """
+
+    @property
+    def index(self) -> int:
+        """Its place in `Solutions.pieces`."""
+    @property
+    def label(self) -> str:
+        """What tells it from the others: the signs of the branch (shoulder, elbow, wrist), or a number."""
+    @property
+    def closed(self) -> bool:
+        """Whether it is a closed curve."""
+    @property
+    def range(self) -> tuple[float, float]:
+        """Ends of `u`: (-pi, pi) for a closed curve, (0, 0) for a point."""
+    def q(self, u: float | ArrayLike | None = None) -> NDArray[np.float64]:
+        """Configuration at `u`: `(n,)`, or `(N, n)` for `(N,)`. A point needs no `u`.
+
+        Principal values unless that breaks a limit and a winding does not.
+
+        Raises:
+            RedundancyError: `u` is not finite, is beyond the ends of an open curve, or is missing for a curve.
+        """
+    def tangent(self, u: float | ArrayLike) -> NDArray[np.float64]:
+        """dq/du at `u`: `(n,)`, or `(N, n)` for `(N,)`; finite and not zero.
+
+        Raises:
+            RedundancyError: as `q`; a point has no tangent.
+        """
+    def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
+        """Where all joint limits hold in some winding, `(k, 2)`, ascending.
+
+        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or nothing.
+
+        Args:
+            margin: Distance from each limit, rad or m.
+        """
+    def parameter(self, u: float | ArrayLike | None = None) -> float | NDArray[np.float64] | None:
+        """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`; `None` where there is none."""
+
+@final
+class Solution:
+    """A configuration chosen from `Solutions`; its parts are `None` where no configuration holds the limits."""
+
+    @property
+    def q(self) -> NDArray[np.float64] | None:
+        """Joint positions `(n,)` within the limits."""
+    @property
+    def piece(self) -> Piece | None:
+        """Its piece."""
+    @property
+    def u(self) -> float | None:
+        """Its parameter on the piece."""
+    @property
+    def value(self) -> float | None:
+        """The criterion there, or the distance."""
+    @property
+    def status(self) -> Status:
+        """`converged`, `limits` or `unreachable`."""
+    @property
+    def reason(self) -> str:
+        """Why there is none, or why it is not proven to be the best; else empty."""
+    @property
+    def proven(self) -> bool:
+        """No configuration over the pose is better; where there is none, the verdict is exact."""
 
 # planning
 
@@ -2030,6 +2264,180 @@ class OrientationPlan(Trajectory):
         counts: tuple[int, bool, int, int, int],
         blocked: list[int],
     ) -> OrientationPlan: ...
+
+@final
+class ToolFreedom:
+    """How far the tool may lean and spin away from the path's orientation at each point.
+
+    The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
+    swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
+
+        gun = rd.ToolFreedom(half_angle=np.deg2rad(20), spin="free")
+    """
+
+    def __new__(
+        cls,
+        half_angle: float = 0.0,
+        spin: Literal["free"] | float = ...,
+        axis: ArrayLike | None = None,
+    ) -> ToolFreedom:
+        """Make a freedom.
+
+        Args:
+            half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
+            spin: Largest spin to either side of the path's orientation, rad, or `"free"`. Default 0.
+            axis: Tool axis `(3,)` in the tool frame. Default z.
+
+        Raises:
+            RedundancyError: An angle out of its range, an axis without length.
+        """
+    @property
+    def half_angle(self) -> float:
+        """Largest angle between the tool axis and the path's, rad."""
+    @property
+    def spin(self) -> Literal["free"] | float:
+        """Largest spin to either side, rad, or `"free"`."""
+    @property
+    def axis(self) -> list[float]:
+        """The tool axis in the tool frame, a unit vector."""
+
+class Plan(Trajectory):
+    """A motion along a path with its verdict: a `Trajectory` with what happened to the freedom in each row.
+
+    Columns that a planner does not know are `None`.
+    """
+
+    @property
+    def status(self) -> Status:
+        """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
+    @property
+    def reason(self) -> str:
+        """Why it is not `converged`; empty when it is."""
+    @property
+    def legal(self) -> bool | None:
+        """Whether limits, task, contact and continuity hold on the verification grid, whatever the status."""
+    @property
+    def proven(self) -> bool:
+        """True when the verdict is exact, False when it is the best of a finite search."""
+    @property
+    def cost(self) -> float | None:
+        """What was minimised, summed over the path."""
+    @property
+    def reconfigurations(self) -> list[int]:
+        """Rows before which the arm must change its configuration."""
+    @property
+    def blocked(self) -> list[int]:
+        """Points of the path without any configuration."""
+    @property
+    def blocked_reasons(self) -> list[str]:
+        """Why each of them is blocked."""
+    @property
+    def s(self) -> NDArray[np.float64] | None:
+        """Arc length `(N,)` of each row, m."""
+    @property
+    def poses(self) -> NDArray[np.float64] | None:
+        """Tool poses `(N, 4, 4)`."""
+    @property
+    def tilt(self) -> NDArray[np.float64] | None:
+        """Rotation vector `(N, 2)` of the swing across the tool axis, rad."""
+    @property
+    def spin(self) -> NDArray[np.float64] | None:
+        """Twist `(N,)` about the tool axis against the path's orientation, rad, continuous."""
+    @property
+    def margin(self) -> NDArray[np.float64] | None:
+        """Smallest distance `(N,)` to a joint position limit, rad or m; `inf` where no joint has one."""
+    @property
+    def clearance(self) -> NDArray[np.float64] | None:
+        """Distance `(N,)` from the obstacles, m."""
+    @property
+    def self_clearance(self) -> NDArray[np.float64] | None:
+        """Distance `(N,)` between links of the arm, m."""
+    @property
+    def row_cost(self) -> NDArray[np.float64] | None:
+        """Part of the cost `(N,)` of each row."""
+    @property
+    def piece(self) -> NDArray[np.int64] | None:
+        """The piece `(N,)` of the solutions of each row, an index of `piece_labels`."""
+    @property
+    def piece_labels(self) -> list[str]:
+        """Names of the pieces."""
+    @property
+    def spare(self) -> dict[str, NDArray[np.float64]]:
+        """The spare coordinates that have names: values `(N,)`, rad or m."""
+    @staticmethod
+    def from_npz(path: str | PathLike[str]) -> Plan:
+        """Read what `to_npz` wrote.
+
+        Raises:
+            RedundancyError: A file that cannot be read or holds no plan.
+        """
+    @staticmethod
+    def _from_arrays(arrays: Any) -> Plan: ...
+
+def plan(
+    chain: Chain | SrsArm,
+    path: Path,
+    freedom: ToolFreedom | None = None,
+    *,
+    task: str | Task | None = None,
+    cyclic: bool = False,
+    q_start: ArrayLike | None = None,
+    q_end: ArrayLike | None = None,
+    objective: str = "motion",
+    motion_weight: float | None = None,
+    limit_weight: float | None = None,
+    criterion: Criterion | None = None,
+    criterion_weight: float = 1.0,
+    joint_weights: ArrayLike | None = None,
+    tool_speed: float | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    speed_weights: ArrayLike | None = None,
+    margin: float = 0.0,
+    time_limit: float = 10.0,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Plan:
+    """Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
+
+    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at once,
+    with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
+
+        plan = rd.plan(rd.catalog.load("panda"), path)
+        plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
+
+    Args:
+        chain: The arm, of `n` joints.
+        path: Poses or positions to follow, one row of the plan for each.
+        freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
+        task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+        cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
+        q_start: Configuration `(n,)` at the first point.
+        q_end: Configuration `(n,)` at the last point.
+        objective: `"motion"`, `"length"` (of the joint motion), or `"peak_speed"` (the largest joint speed times
+            `speed_weights`, then the motion; needs times).
+        motion_weight: Weight of the joint motion. Default 0.5.
+        limit_weight: Weight of the distance from the joint limits. Default 1.
+        criterion: Minimised or maximised along the path, as its sense says.
+        criterion_weight: Its weight.
+        joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
+        tool_speed: Constant speed of the tool, m/s, instead of the path's times.
+        velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps where there are times.
+            `"chain"` takes the chain's, `None` is off. No joint turns by more than an eighth of a turn between rows.
+        speed_weights: Weight `(n,)` of each joint in the peak speed. Default one over its limit.
+        margin: Distance kept from every joint position limit, rad or m.
+        time_limit: Seconds after which the best so far is returned, with status `time_limit`.
+        seed: Seed of the random postures; the same seed gives the same plan.
+        threads: Threads to use; all cores by default.
+        progress: Called with the share of the work that is done. Ctrl-C returns the best so far.
+
+    Returns:
+        The plan; its `status` says what was possible.
+
+    Raises:
+        RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or break
+            limits, a closed plan of an open path.
+    """
 
 def plan_orientation(
     chain: Chain,

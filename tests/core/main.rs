@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
+mod architecture;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
@@ -14,6 +15,7 @@ mod ik_parallel_axes;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
+mod joint_space;
 mod kinematics;
 mod optimum;
 mod panda_class;
@@ -26,6 +28,7 @@ mod planning_scene;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod spray;
 mod support;
 mod task;

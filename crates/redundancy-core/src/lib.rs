@@ -14,8 +14,19 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
+//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
+//!
+//! # Features
+//! All are on by default; without them the crate needs nalgebra, thiserror, wide and a random generator.
+//!
+//! | feature | what it adds | packages |
+//! |---|---|---|
+//! | `urdf` | chains and collision geometry from URDF | roxmltree, urdf-rs |
+//! | `io` | paths, trajectories and scenes as CSV and JSON | csv, serde, serde_json |
+//! | `parallel` | batches and searches on all cores, with the same results | rayon |
+//! | `plan` | `planning::plan_orientation` | clarabel |
+//! | `mesh` | triangle meshes | parry3d-f64, mesh-loader |
 
 // Helpers of a feature stay in without it; the build with all features finds what nothing needs.
 #![cfg_attr(
@@ -26,6 +37,7 @@
 pub mod chain;
 pub mod criterion;
 pub mod ik;
+pub mod joint_space;
 pub mod kinematics;
 pub mod optimum;
 pub mod parallel;

@@ -541,3 +541,7 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
+/// the spot) still costs what its joints move.
+pub const PLAN_LEAST_SHARE: f64 = 1e-3;

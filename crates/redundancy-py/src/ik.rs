@@ -13,7 +13,7 @@ use redundancy_core::ik::{
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::rotation::unit_direction;
-use redundancy_core::solutions::{Configurations, SphericalWristArm};
+use redundancy_core::solutions::{ClosedForm, Configurations, SphericalWristArm};
 use redundancy_core::{Error, Status};
 
 use crate::batch::in_blocks;
@@ -34,8 +34,8 @@ const SOLVER_BLOCK: usize = 2_048;
 /// A six-joint arm with a spherical wrist and its closed-form inverse kinematics.
 #[pyclass(name = "SphericalWristArm", module = "redundancy", frozen)]
 pub struct PySphericalWristArm {
-    arm: SphericalWristArm,
-    chain: Py<PyChain>,
+    pub arm: SphericalWristArm,
+    pub chain: Py<PyChain>,
 }
 
 #[pymethods]
@@ -50,6 +50,18 @@ impl PySphericalWristArm {
     #[getter]
     fn chain(&self, py: Python<'_>) -> Py<PyChain> {
         self.chain.clone_ref(py)
+    }
+
+    /// `spherical_wrist`.
+    #[getter]
+    fn name(&self) -> &'static str {
+        ClosedForm::name(&self.arm)
+    }
+
+    /// `None`: the configurations are isolated.
+    #[getter]
+    fn parameter(&self) -> Option<&'static str> {
+        self.arm.parameter()
     }
 
     /// How far the arm is from an ideal one: (metres, radians).

@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod batch;
 mod chain;
+mod closed_form;
 mod continuation;
 mod convert;
 mod criterion;
@@ -12,10 +13,12 @@ mod ik;
 mod optimum;
 mod orientation_plan;
 mod path;
+mod plan;
 mod planning;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod speed;
 mod status;
 mod task;
@@ -27,6 +30,8 @@ mod _core {
 
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use closed_form::py_closed_form;
     #[pymodule_export]
     use continuation::{
         PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
@@ -48,6 +53,8 @@ mod _core {
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
     #[pymodule_export]
+    use plan::{PyPlan, PyToolFreedom, py_plan};
+    #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
     use rotation::{
@@ -60,6 +67,8 @@ mod _core {
     use scene::{PyBox, PyCapsule, PyClearance, PyLinkGeometry, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use solutions::{PyPiece, PySolution, PySolutions, py_solutions};
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]

@@ -423,6 +423,26 @@ impl From<Trajectory> for PyTrajectory {
     }
 }
 
+impl PyTrajectory {
+    /// Everything as named arrays.
+    pub fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let arrays = PyDict::new(py);
+        let events = self.trajectory.events();
+        let strings =
+            |words: Vec<&str>| py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U")));
+        arrays.set_item("joint_names", strings(self.joint_names())?)?;
+        arrays.set_item("t", self.t(py))?;
+        arrays.set_item("q", self.q(py)?)?;
+        arrays.set_item("qd", self.qd(py)?)?;
+        arrays.set_item("event_kind", strings(events.iter().map(|e| e.kind.as_str()).collect())?)?;
+        arrays.set_item("event_index", PyArray1::from_iter(py, events.iter().map(|e| e.index as i64)))?;
+        arrays.set_item("event_t", PyArray1::from_iter(py, events.iter().map(|e| e.t)))?;
+        arrays.set_item("event_s", PyArray1::from_iter(py, events.iter().map(|e| e.s)))?;
+        arrays.set_item("event_message", strings(events.iter().map(|e| e.message.as_str()).collect())?)?;
+        Ok(arrays)
+    }
+}
+
 #[pymethods]
 impl PyTrajectory {
     #[new]
@@ -475,19 +495,7 @@ impl PyTrajectory {
 
     /// Writes an npz file.
     fn to_npz(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let arrays = PyDict::new(py);
-        let events = self.trajectory.events();
-        let strings =
-            |words: Vec<&str>| py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U")));
-        arrays.set_item("joint_names", strings(self.joint_names())?)?;
-        arrays.set_item("t", self.t(py))?;
-        arrays.set_item("q", self.q(py)?)?;
-        arrays.set_item("qd", self.qd(py)?)?;
-        arrays.set_item("event_kind", strings(events.iter().map(|e| e.kind.as_str()).collect())?)?;
-        arrays.set_item("event_index", PyArray1::from_iter(py, events.iter().map(|e| e.index as i64)))?;
-        arrays.set_item("event_t", PyArray1::from_iter(py, events.iter().map(|e| e.t)))?;
-        arrays.set_item("event_s", PyArray1::from_iter(py, events.iter().map(|e| e.s)))?;
-        arrays.set_item("event_message", strings(events.iter().map(|e| e.message.as_str()).collect())?)?;
+        let arrays = self.arrays(py)?;
         py.import("numpy")?.getattr("savez_compressed")?.call((path,), Some(&arrays))?;
         Ok(())
     }
@@ -551,28 +559,31 @@ pub fn read_joint_rows(object: &Bound<'_, PyAny>, what: &str, n: usize) -> PyRes
 
 fn read_npz(py: Python<'_>, path: &std::path::Path) -> PyResult<PyTrajectory> {
     let file = py.import("numpy")?.getattr("load")?.call1((path,))?;
-    let read = || -> PyResult<PyTrajectory> {
-        let names: Vec<String> = file.get_item("joint_names")?.call_method0("tolist")?.extract()?;
-        let column = |name: &str| file.get_item(name)?.call_method0("tolist");
-        let kinds: Vec<String> = column("event_kind")?.extract()?;
-        let indices: Vec<usize> = column("event_index")?.extract()?;
-        let (t, s): (Vec<f64>, Vec<f64>) = (column("event_t")?.extract()?, column("event_s")?.extract()?);
-        let messages: Vec<String> = column("event_message")?.extract()?;
-        let count = kinds.len();
-        if [indices.len(), t.len(), s.len(), messages.len()].iter().any(|n| *n != count) {
-            return Err(PyIndexError::new_err("the event columns differ in length"));
-        }
-        let events = kinds.iter().zip(indices).zip(t).zip(s).zip(messages);
-        let events = events.map(|((((kind, index), t), s), message)| {
-            PyEvent::new(kind, index.into(), t, s, message).and_then(|event| Bound::new(py, event))
-        });
-        let events = events.collect::<PyResult<Vec<_>>>()?;
-        let (q, qd) = (file.get_item("q")?, file.get_item("qd")?);
-        PyTrajectory::new(names, &file.get_item("t")?, &q, Some(&qd), Some(events))
-    };
-    let result = read();
+    let result = read_arrays(&file);
     file.call_method0("close")?;
     result
+}
+
+/// What [`PyTrajectory::arrays`] made.
+pub fn read_arrays(file: &Bound<'_, PyAny>) -> PyResult<PyTrajectory> {
+    let py = file.py();
+    let names: Vec<String> = file.get_item("joint_names")?.call_method0("tolist")?.extract()?;
+    let column = |name: &str| file.get_item(name)?.call_method0("tolist");
+    let kinds: Vec<String> = column("event_kind")?.extract()?;
+    let indices: Vec<usize> = column("event_index")?.extract()?;
+    let (t, s): (Vec<f64>, Vec<f64>) = (column("event_t")?.extract()?, column("event_s")?.extract()?);
+    let messages: Vec<String> = column("event_message")?.extract()?;
+    let count = kinds.len();
+    if [indices.len(), t.len(), s.len(), messages.len()].iter().any(|n| *n != count) {
+        return Err(PyIndexError::new_err("the event columns differ in length"));
+    }
+    let events = kinds.iter().zip(indices).zip(t).zip(s).zip(messages);
+    let events = events.map(|((((kind, index), t), s), message)| {
+        PyEvent::new(kind, index.into(), t, s, message).and_then(|event| Bound::new(py, event))
+    });
+    let events = events.collect::<PyResult<Vec<_>>>()?;
+    let (q, qd) = (file.get_item("q")?, file.get_item("qd")?);
+    PyTrajectory::new(names, &file.get_item("t")?, &q, Some(&qd), Some(events))
 }
 
 fn read_smoothing(object: &Bound<'_, PyAny>) -> PyResult<usize> {

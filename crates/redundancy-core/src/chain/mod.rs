@@ -14,6 +14,7 @@ mod chain;
 mod collision;
 mod dh;
 mod joint;
+mod windings;
 
 pub use builder::ChainBuilder;
 pub use chain::{Chain, Link};

@@ -1,4 +1,4 @@
-//! Many configurations at once, over rayon's current pool, into memory of the caller.
+//! Many configurations at once, over the current pool, into memory of the caller.
 //!
 //! Rows are independent and each is computed by the same code as a single call, so the bits depend neither on the
 //! number of threads nor on how the rows are cut into blocks.

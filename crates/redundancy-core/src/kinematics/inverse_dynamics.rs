@@ -212,7 +212,7 @@ impl Chain {
     }
 
     /// [`inverse_dynamics`](Self::inverse_dynamics) for `N` rows; every slice holds `N * dof` numbers. Runs on the current
-    /// rayon pool.
+    /// pool.
     ///
     /// # Errors
     /// As for one row; lengths that differ.

@@ -3,6 +3,7 @@
 mod batch;
 mod corrector;
 mod forward;
+mod freedom;
 mod hessian;
 mod inverse_dynamics;
 mod jacobian;
@@ -14,6 +15,7 @@ mod task;
 mod trigonometry;
 
 pub use corrector::{Corrector, CorrectorSettings, MOST_COORDINATES, StepBound};
+pub use freedom::{SpinFreedom, ToolFreedom};
 pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
 pub(crate) use normal_equations::{factor, normal_matrix, solve};

@@ -663,7 +663,7 @@ pub fn distance_to_nearest(
     let mut d = DVector::zeros(n);
     let rows = q.chunks_exact(n).map(|row| {
         let distances = points.iter().map(|point| {
-            crate::solutions::short_way(chain, row, point, d.as_mut_slice());
+            chain.difference_into(row, point, d.as_mut_slice());
             if modulo_first {
                 d[0] = 0.0;
             }

@@ -1,12 +1,22 @@
 //! Whole paths: which configuration and which tool orientation, point by point and all at once.
 
+mod demand;
+mod fill;
 mod layers;
 mod local;
+mod nodes;
 mod painting;
+mod planner;
+mod pull;
+mod refine;
+mod search;
 mod swivel_plan;
+mod tool;
 
+pub use demand::{Objective, PlanSettings};
 pub use local::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings, Track, TrackSettings, track};
 pub use painting::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
 #[cfg(feature = "plan")]
 pub use painting::{OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation};
+pub use planner::plan;
 pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};

@@ -20,12 +20,11 @@
 //!
 //! Cost: linear in points and swivels; the circle of each point is computed once, for all branches.
 
-use std::f64::consts::TAU;
-
 use super::layers::srs::problem::Problem;
 use super::layers::srs::search::Grid;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
+use crate::joint_space::TURN;
 use crate::kinematics::rotation_vector;
 use crate::parallel::prelude::*;
 use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
@@ -330,5 +329,5 @@ const MAX_WEIGHT: f64 = 1e6;
 const LAST_SWIVELS: usize = 720;
 const LAST_REACH: f64 = 1.3;
 /// How far the swivel may turn in a step: this much (rad), and this much of the path's share.
-const STEP_REACH: f64 = TAU / 45.0;
+const STEP_REACH: f64 = TURN / 45.0;
 const PATH_REACH: f64 = 14.0;

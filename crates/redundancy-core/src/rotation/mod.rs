@@ -34,7 +34,6 @@ pub use optimize::{
     DirectionCones, OrientationMethod, OrientationOptimizer, OrientationSettings, OrientationSolution,
     optimal_directions,
 };
-pub(crate) use quaternion::wrap;
 pub use quaternion::{
     from_axis_angle, from_rpy, from_wxyz, from_xyz, from_zyz, quaternion_error, rotation_angle, shortest_arc,
     swing_twist, to_rpy, to_wxyz, to_xyz, to_zyz, unit_direction,

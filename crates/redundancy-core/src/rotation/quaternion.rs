@@ -109,8 +109,8 @@ pub(crate) fn compose(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> UnitQ
     Unit::new_normalize(a.as_ref() * b.as_ref())
 }
 
-/// `angle` modulo 2 pi, in [-pi, pi].
-pub(crate) fn wrap(angle: f64) -> f64 {
+/// An angle of rotation modulo 2 pi, in [-pi, pi]. The angles of joints are the matter of `joint_space`.
+pub(super) fn wrap(angle: f64) -> f64 {
     let wrapped = angle - TAU * (angle / TAU).round();
     wrapped.clamp(-PI, PI)
 }

@@ -17,7 +17,7 @@
 //!
 //! Cost: one forward kinematics with Jacobian and one factorisation per point, about 1 us for seven joints.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use nalgebra::DVector;
 use rand::{Rng, SeedableRng};
@@ -28,6 +28,7 @@ use super::solutions::Solutions;
 use crate::chain::{Chain, JointKind, Limits};
 use crate::criterion::check_redundant;
 use crate::error::{Error, Result};
+use crate::joint_space::{TURN, margin, turned};
 use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::path::{Event, EventKind};
 use crate::pose::{Pose, check_pose};
@@ -208,37 +209,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `b - a`, revolute joints the short way round.
-pub(crate) fn short_way(chain: &Chain, a: &[f64], b: &[f64], out: &mut [f64]) {
-    for (i, out) in out.iter_mut().enumerate() {
-        let d = b[i] - a[i];
-        *out = if chain.steps()[i].rotational { d - TAU * (d / TAU).round() } else { d };
-    }
-}
-
-/// The winding in which joint values are understood: the principal one, unless that breaks a limit and another does not.
-pub(crate) fn wind(chain: &Chain, q: &mut [f64]) {
-    for ((q, step), (lower, upper)) in
-        q.iter_mut().zip(chain.steps()).zip(chain.lower().iter().zip(chain.upper()))
-    {
-        if !step.rotational {
-            continue;
-        }
-        let principal = *q - TAU * (*q / TAU).round();
-        *q = principal;
-        if principal < *lower || principal > *upper {
-            // The least winding above the lower limit, where there is one.
-            let up = principal + TAU * ((lower - principal) / TAU).ceil();
-            let down = principal + TAU * ((upper - principal) / TAU).floor();
-            if up.is_finite() && up <= *upper {
-                *q = up;
-            } else if down.is_finite() && down >= *lower {
-                *q = down;
-            }
-        }
-    }
-}
-
 /// Cubic through `(0, a, ta)` and `(h, b, tb)` at `x`, joint by joint.
 fn hermite(a: &[f64], ta: &[f64], b: &[f64], tb: &[f64], h: f64, x: f64, out: &mut [f64]) {
     let u = x / h;
@@ -349,7 +319,7 @@ impl Tracer {
             let length = arc(chord, turn);
             // Is the start on the way?
             if k > 0 {
-                short_way(self.fibre.chain(), here, start, &mut to_start);
+                self.fibre.chain().difference_into(here, start, &mut to_start);
                 let along = dot(&to_start, now);
                 if along > 0.0
                     && norm(&to_start) <= 2.0 * chord
@@ -359,16 +329,11 @@ impl Tracer {
                     let chord = norm(&to_start);
                     let cosine = dot(now, &first).min(1.0);
                     s.push(s[k] + arc(chord, (2.0 * (1.0 - cosine)).max(0.0).sqrt()));
-                    for i in 0..n {
-                        // Whole turns are added to the start itself, not to rounded differences.
-                        let turns = ((here[i] + to_start[i] - start[i]) / TAU).round();
-                        to_start[i] = if self.fibre.chain().steps()[i].rotational {
-                            start[i] + TAU * turns
-                        } else {
-                            start[i]
-                        };
-                    }
-                    q.extend_from_slice(&to_start);
+                    to_start.iter_mut().zip(here).for_each(|(d, q)| *d += q);
+                    // Whole turns are added to the start itself, not to rounded differences.
+                    let mut end = start.to_vec();
+                    self.fibre.chain().wind_to(&mut end, &to_start);
+                    q.extend_from_slice(&end);
                     tangents.extend_from_slice(&first);
                     return (s, q, tangents, End::Closed);
                 }
@@ -425,7 +390,7 @@ fn from_piece(
     let chain = fibre.chain();
     let n = chain.dof();
     let closed = solutions.closed(piece)?;
-    let [first, last] = if closed { [0.0, TAU] } else { solutions.range(piece)? };
+    let [first, last] = if closed { [0.0, TURN] } else { solutions.range(piece)? };
     // Configuration and unit tangent; windings are made continuous below.
     let point = |u: f64| -> Option<[Vec<f64>; 2]> {
         let mut row = [vec![0.0; n], vec![0.0; n]];
@@ -444,7 +409,7 @@ fn from_piece(
             q.extend_from_slice(row);
         } else {
             let (here, now) = (&q[q.len() - n..], &tangents[q.len() - n..]);
-            short_way(chain, here, row, &mut step);
+            chain.difference_into(here, row, &mut step);
             let turn = (2.0 * (1.0 - dot(now, tangent))).max(0.0).sqrt();
             s.push(s[s.len() - 1] + arc(norm(&step), turn));
             for step in &step {
@@ -455,7 +420,7 @@ fn from_piece(
     };
     let mut between = vec![0.0; n];
     let mut fine = |a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]| {
-        short_way(chain, &a[0], &b[0], &mut between);
+        chain.difference_into(&a[0], &b[0], &mut between);
         norm(&between) <= settings.step && dot(&a[1], &b[1]) >= TRACE_TURN.cos()
     };
     let mut left = point(first);
@@ -672,7 +637,7 @@ impl SelfMotionCurve {
         let mut d = vec![0.0; n];
         let mut nearest = (f64::INFINITY, 0);
         for (k, row) in self.q.chunks_exact(n).enumerate() {
-            short_way(self.fibre.chain(), row, q, &mut d);
+            self.fibre.chain().difference_into(row, q, &mut d);
             let distance = norm(&d);
             if distance < nearest.0 {
                 nearest = (distance, k);
@@ -688,13 +653,13 @@ impl SelfMotionCurve {
         let mut at = self.q_row(k).to_vec();
         let (mut fibre, length) = (self.fibre.clone(), self.length());
         for _ in 0..6 {
-            short_way(self.fibre.chain(), &at, q, &mut d);
+            self.fibre.chain().difference_into(&at, q, &mut d);
             let sign = dot(fibre.tangent_at(&at), self.tangent_row(k)).signum();
             let along = sign * dot(&d, fibre.tangent());
             s = if self.closed { (s + along).rem_euclid(length) } else { (s + along).clamp(0.0, length) };
             self.exact(s, &mut fibre, &mut at);
         }
-        short_way(self.fibre.chain(), &at, q, &mut d);
+        self.fibre.chain().difference_into(&at, q, &mut d);
         norm(&d) <= CURVE_CONTAINS
     }
 
@@ -705,12 +670,7 @@ impl SelfMotionCurve {
         if joint.kind == JointKind::Prismatic {
             return (q - lower).min(upper - q);
         }
-        let half = 0.5 * (upper - lower);
-        if half == f64::INFINITY {
-            return half;
-        }
-        let d = q - (lower + half);
-        half - (d - TAU * (d / TAU).round()).abs()
+        margin(q, lower, upper)
     }
 
     /// Arcs on which every joint is within its limits in some winding, with `margin` (rad or m) from each: `[lo, hi]` of
@@ -786,8 +746,8 @@ impl SelfMotionCurve {
                     continue;
                 }
                 // Half a turn away from the middle of the range, where the winding changes, it has least room.
-                let half = |q: f64| ((q - middle) / TAU).round();
-                let far = middle + TAU * (0.5 * (half(qa) + half(qb)));
+                let half = |q: f64| crate::joint_space::turns(q - middle);
+                let far = turned(middle, 0.5 * (half(qa) + half(qb)));
                 let between = if turns && half(qa) != half(qb) {
                     Some(edge(&mut |s| (joint(s) - far) * (qb - qa).signum(), sa, sb, false))
                 } else {

@@ -3,18 +3,17 @@
 //! Curves ([`TracedCurves`]) where the task leaves one freedom, points ([`FoundPoints`]) where it leaves none. What is found
 //! is exact; that nothing else exists is not proven, except where the pose is farther away than the arm is long.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-use super::continuation::{
-    SelfMotionCurve, TraceSettings, random_configurations, short_way, traced_curves, wind,
-};
+use super::continuation::{SelfMotionCurve, TraceSettings, random_configurations, traced_curves};
 use super::lines::reach;
 use super::search;
 use super::solutions::{Solution, Solutions, check_margin, check_piece};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::joint_space::{TURN, outside, wrap};
 use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::pose::Pose;
 use crate::status::Status;
@@ -116,8 +115,8 @@ impl TracedCurves {
         let curve = self.curve(piece)?;
         check_finite("u", &[u])?;
         if curve.closed() {
-            let rate = curve.length() / TAU;
-            let s = (u + PI).rem_euclid(TAU) * rate;
+            let rate = curve.length() / TURN;
+            let s = (wrap(u) + PI) * rate;
             return Ok((rate, s.min(curve.length())));
         }
         let length = curve.length();
@@ -201,7 +200,7 @@ impl Solutions for TracedCurves {
         check_length("out", out, self.origin.chain.dof())?;
         let (_, s) = self.length_at(piece, u)?;
         out.copy_from_slice(&self.curves[piece].at(s)?);
-        wind(&self.origin.chain, out);
+        self.origin.chain.wind(out);
         Ok(())
     }
 
@@ -221,7 +220,7 @@ impl Solutions for TracedCurves {
         if !curve.closed() {
             return Ok(arcs);
         }
-        let u = |s: f64| TAU * s / curve.length() - PI;
+        let u = |s: f64| TURN * s / curve.length() - PI;
         Ok(arcs
             .into_iter()
             .map(|[lo, hi]| if [lo, hi] == [0.0, curve.length()] { [-PI, PI] } else { [u(lo), u(hi)] })
@@ -261,11 +260,11 @@ impl FoundPoints {
                     continue;
                 }
                 let known = points.iter().any(|point| {
-                    short_way(chain, point, &q, &mut d);
+                    chain.difference_into(point, &q, &mut d);
                     d.iter().all(|d| d.abs() < SAME_LINE)
                 });
                 if !known {
-                    wind(chain, &mut q);
+                    chain.wind(&mut q);
                     points.push(q);
                 }
             }
@@ -284,7 +283,7 @@ impl FoundPoints {
         let misses = q.iter().enumerate().map(|(i, q)| {
             let (lower, upper) = (chain.lower()[i] + margin, chain.upper()[i] - margin);
             let miss = if chain.steps()[i].rotational {
-                super::outside(*q, lower, upper)
+                outside(*q, lower, upper)
             } else {
                 (lower - q).max(q - upper)
             };

@@ -9,6 +9,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::chain::{Chain, JointKind};
+use crate::joint_space::{most_apart, nearest, shift, shift_within};
 use crate::kinematics::{Corrector, CorrectorSettings, StepBound, Task};
 use crate::pose::Pose;
 use crate::solutions::ClosedForm;
@@ -77,21 +78,17 @@ pub(crate) fn wind(chain: &Chain, line: &mut [f64]) -> Result<(), (usize, usize)
         if joint.kind == JointKind::Continuous || (lo == f64::NEG_INFINITY && hi == f64::INFINITY) {
             continue;
         }
-        let turn = std::f64::consts::TAU;
-        let shift = if joint.kind == JointKind::Prismatic {
-            0.0
+        let (shift, fits) = if joint.kind == JointKind::Prismatic {
+            (0.0, least >= lo && most <= hi)
         } else {
-            let middle = 0.5 * (lo.max(-1e3) + hi.min(1e3));
-            turn * ((middle - 0.5 * (least + most)) / turn).round()
+            shift_within([least, most], lo, hi)
         };
-        let fits = |s: f64| least + s >= lo && most + s <= hi;
-        let turns: &[f64] = if joint.kind == JointKind::Prismatic { &[0.0] } else { &[0.0, turn, -turn] };
-        let Some(extra) = turns.iter().find(|e| fits(shift + **e)) else {
+        if !fits {
             let outside = column().position(|q| q + shift < lo || q + shift > hi).unwrap_or(0);
             return Err((j, outside));
-        };
+        }
         for q in line.iter_mut().skip(j).step_by(n) {
-            *q += shift + extra;
+            *q += shift;
         }
     }
     Ok(())
@@ -141,8 +138,7 @@ pub(crate) fn all_branches(form: &dyn ClosedForm, poses: &[Pose]) -> Option<Vec<
             let mut holds = mask & (1 << b) != 0;
             let before = values.len().checked_sub(n);
             for (j, q) in row.iter().enumerate() {
-                let value =
-                    before.map_or(*q, |at| values[at + j] + crate::rotation::wrap(q - values[at + j]));
+                let value = before.map_or(*q, |at| nearest(*q, values[at + j]));
                 holds &= before.is_none_or(|at| (value - values[at + j]).abs() <= JOINT_JUMP);
                 values.push(value);
             }
@@ -157,18 +153,15 @@ pub(crate) fn all_branches(form: &dyn ClosedForm, poses: &[Pose]) -> Option<Vec<
 
 /// The line whose beginning is nearest to `start`, in the winding of `start`; `None` as [`all_branches`], or where none is near.
 pub(crate) fn branch_from(form: &dyn ClosedForm, poses: &[Pose], start: &[f64]) -> Option<Vec<f64>> {
-    let away = |line: &[f64]| {
-        line.iter().zip(start).map(|(q, s)| crate::rotation::wrap(q - s).abs()).fold(0.0, f64::max)
-    };
+    let away = |line: &[f64]| most_apart(&line[..start.len().min(line.len())], start);
     let mut line = all_branches(form, poses)?.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     if away(&line) > JOINT_JUMP {
         return None;
     }
-    let turn = std::f64::consts::TAU;
-    let turns: Vec<f64> = line.iter().zip(start).map(|(q, s)| turn * ((s - q) / turn).round()).collect();
-    for row in line.chunks_exact_mut(turns.len()) {
-        for (q, turns) in row.iter_mut().zip(&turns) {
-            *q += turns;
+    let shifts: Vec<f64> = line.iter().zip(start).map(|(q, s)| shift(s - q)).collect();
+    for row in line.chunks_exact_mut(shifts.len()) {
+        for (q, shift) in row.iter_mut().zip(&shifts) {
+            *q += shift;
         }
     }
     Some(line)
@@ -205,10 +198,7 @@ pub(super) fn reach(chain: &Chain) -> f64 {
 fn distinct(rows: impl Iterator<Item = Vec<f64>>) -> Vec<Vec<f64>> {
     let mut kept: Vec<Vec<f64>> = Vec::new();
     for q in rows {
-        let same = |other: &Vec<f64>| {
-            q.iter().zip(other).all(|(a, b)| crate::rotation::wrap(a - b).abs() < SAME_LINE)
-        };
-        if !kept.iter().any(same) {
+        if !kept.iter().any(|other| most_apart(&q, other) < SAME_LINE) {
             kept.push(q);
         }
     }

@@ -21,7 +21,7 @@ pub use closed_form::{ClosedForm, Defect, closed_form};
 pub use continuation::{
     SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
 };
-pub(crate) use continuation::{geometric, random_configurations, short_way, wind};
+pub(crate) use continuation::{geometric, random_configurations};
 pub use found::{FoundPoints, TracedCurves};
 pub use over_pose::{SolutionsSettings, solutions};
 pub(crate) use search::room;
@@ -29,7 +29,4 @@ pub use solutions::{Solution, Solutions};
 pub(crate) use solutions::{check_margin, check_piece};
 
 // What the closed forms share.
-pub(crate) use closed_form::srs::{
-    Line, at, distance_to_line, nearest_winding, opposite, orthonormal, outside, principal, rotation_y,
-    signs, spherical, within, wrapped,
-};
+pub(crate) use closed_form::srs::{Line, at, distance_to_line, orthonormal, rotation_y, signs, spherical};

@@ -4,13 +4,13 @@
 //! value in the middle; every sign change of the slope is then refined. That resolves every minimum that is wider than a
 //! part, and proves nothing. Closed forms that can prove their optimum do not come here.
 
-use std::f64::consts::TAU;
+use std::f64::consts::PI;
 
 use super::solutions::{Solution, Solutions};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
-use crate::solutions::{nearest_winding, within};
+use crate::joint_space::{TURN, nearest_within, within, wrap};
 use crate::status::Status;
 use crate::tolerance::{LIMIT_SLACK, SCAN_RESOLVED, SLOPE_ROUNDING};
 
@@ -121,7 +121,7 @@ pub(crate) fn hold_limits(chain: &Chain, springs: Option<&[JointSpring]>, q: &mu
             near.then(|| q.clamp(lower, upper))
         } else {
             match springs.map(|springs| springs[i]).filter(|spring| spring.weight > 0.0) {
-                Some(spring) => nearest_winding(*q, spring.center, lower, upper),
+                Some(spring) => nearest_within(*q, spring.center, lower, upper),
                 None => within(*q, lower, upper),
             }
         };
@@ -177,6 +177,12 @@ impl<'a> Objective<'a> {
     }
 }
 
+/// The parameter of a closed piece in `[-pi, pi)`.
+pub(crate) fn in_period(u: f64) -> f64 {
+    let wrapped = wrap(u);
+    if wrapped >= PI { -PI } else { wrapped }
+}
+
 struct Search<'a> {
     solutions: &'a dyn Solutions,
     objective: &'a Objective<'a>,
@@ -218,8 +224,10 @@ impl<'a> Search<'a> {
         }
         let chosen_by_springs = self.objective.springs.is_some();
         let several = !chosen_by_springs && self.other_windings();
-        let exact = self.solutions.dimension() == 0 && self.solutions.proven() && !several;
-        Ok(self.best.map(|best| Solution { proven: exact, ..best }))
+        let proven = self.solutions.dimension() == 0 && self.solutions.proven() && !several;
+        let Some(best) = self.best else { return Ok(None) };
+        let u = if self.solutions.closed(best.piece)? { in_period(best.u) } else { best.u };
+        Ok(Some(Solution { proven, u, ..best }))
     }
 
     /// Offers `self.q` (held within the limits) over `u`.
@@ -319,7 +327,7 @@ impl<'a> Search<'a> {
         for _ in 0..WINDING_ROUNDS {
             let mut moved = false;
             for i in (0..best.q.len()).filter(|i| chain.steps()[*i].rotational) {
-                for turn in [TAU, -TAU] {
+                for turn in [TURN, -TURN] {
                     let wound = best.q[i] + turn;
                     if wound < chain.lower()[i] || wound > chain.upper()[i] {
                         continue;

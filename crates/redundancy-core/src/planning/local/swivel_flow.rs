@@ -23,9 +23,10 @@
 //! Even so it decides locally: it can be led into a dead end from which only the other way round the obstacle
 //! leads out. [`plan_swivel`](super::plan_swivel) sees the whole path.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use crate::error::{Error, Result, check_finite};
+use crate::joint_space::nearest;
 use crate::path::{Event, EventKind, Path, Trajectory};
 use crate::planning::layers::srs::clearance::{ArmClearance, Now, Rates};
 use crate::planning::swivel_plan::SwivelPlan;
@@ -653,7 +654,7 @@ fn arc_length(path: &Path, t: f64) -> f64 {
 /// The windings of `q` that are nearest to `before` and within the limits.
 fn unwound(q: &[f64; 7], before: &[f64; 7], lower: &[f64], upper: &[f64]) -> [f64; 7] {
     std::array::from_fn(|i| {
-        let wound = q[i] + TAU * ((before[i] - q[i]) / TAU).round();
+        let wound = nearest(q[i], before[i]);
         if wound >= lower[i] && wound <= upper[i] { wound } else { q[i] }
     })
 }

@@ -18,7 +18,7 @@
 //!
 //! References: [FromGravdahl2007], [FromGravdahl2009].
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -30,6 +30,7 @@ use super::motion::{Arm, Size, Workspace};
 use super::search::{self, Bounds, Grid, Kind, State, rows_of};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
+use crate::joint_space::{TURN, nearest, wrap};
 use crate::parallel::prelude::*;
 use crate::path::{Event, Path, QuinticBasis, Trajectory};
 use crate::pose::Pose;
@@ -242,7 +243,7 @@ impl OrientationPlan {
 /// Plans tilt and spin along a path for the highest constant tool speed.
 ///
 /// The cone stands on the orientations of the path; a path of positions has the tool down ([`tool_down`](super::tool_down)). Between its
-/// samples the path is a quintic spline, or its analytic shape. Runs on the current rayon pool. The result depends on the number of
+/// samples the path is a quintic spline, or its analytic shape. Runs on the current pool. The result depends on the number of
 /// threads and the machine only through what the time limit cuts off.
 ///
 /// ```
@@ -445,11 +446,11 @@ where
                 if blocked.is_empty() {
                     break;
                 }
-                let a = TAU * f64::from(k) / 8.0;
+                let a = TURN * f64::from(k) / 8.0;
                 let e = [self.bounds.tilt * tilt * a.cos(), self.bounds.tilt * tilt * a.sin()];
                 for spin in 0..4 {
                     let psi = FRAC_PI_2 * f64::from(spin);
-                    if psi.min(TAU - psi) > self.bounds.spin {
+                    if wrap(psi).abs() > self.bounds.spin {
                         continue;
                     }
                     let left: Vec<Pose> =
@@ -526,7 +527,7 @@ where
                     for turns in [0.0, 1.0, -1.0] {
                         let parts = if N == 6 { 8 } else { 4 };
                         for k in 0..parts {
-                            let from = TAU * f64::from(k) / f64::from(parts);
+                            let from = TURN * f64::from(k) / f64::from(parts);
                             shapes.push((*lean, Spin::Turns { from, turns }));
                         }
                         shapes.push((*lean, Spin::Pointing { turns }));
@@ -547,15 +548,15 @@ where
                     let e = point.rotation.tr_mul(&z.cross(&offset)) * (lean * self.bounds.tilt / most);
                     let share = (s - low) / length;
                     let psi = match spin {
-                        Spin::Turns { from, turns } => from + TAU * turns * share,
+                        Spin::Turns { from, turns } => from + TURN * turns * share,
                         Spin::Pointing { turns } => {
                             let radial = point.rotation.tr_mul(&Vector3::new(-p.x, -p.y, 0.0));
                             let mut angle = radial.y.atan2(radial.x);
                             if last.is_finite() {
-                                angle += TAU * ((last - angle) / TAU).round();
+                                angle = nearest(angle, last);
                             }
                             last = angle;
-                            angle + TAU * turns * share
+                            angle + TURN * turns * share
                         }
                     };
                     [e.x, e.y, psi]

@@ -1,6 +1,6 @@
 //! The outer joints of a spherical joint whose middle one is at its gimbal: only their sum or difference is defined.
 
-use std::f64::consts::TAU;
+use crate::joint_space::{turned, turns};
 
 /// Windings of the sum that are tried to either side of the nearest one.
 const WINDINGS: i32 = 8;
@@ -17,10 +17,10 @@ pub(super) fn shared(
 ) -> Option<[f64; 2]> {
     // first = x, third = constant + 2 pi k - sense x.
     let constant = pair[1] + sense * pair[0];
-    let center = ((wish[1] + sense * wish[0] - constant) / TAU).round();
+    let center = turns(wish[1] + sense * wish[0] - constant);
     let mut best: Option<(f64, [f64; 2])> = None;
     for k in -WINDINGS..=WINDINGS {
-        let total = constant + TAU * (center + f64::from(k));
+        let total = turned(constant, center + f64::from(k));
         let ends = [sense * (total - upper[1]), sense * (total - lower[1])];
         let low = lower[0].max(ends[0].min(ends[1]));
         let high = upper[0].min(ends[0].max(ends[1]));

@@ -104,10 +104,3 @@ impl Triangle {
         (Turns { cos, sin: (u * v).sqrt() * (scale + scale) }, miss)
     }
 }
-
-/// Angles of any size brought into `[-pi, pi]`.
-#[inline(always)]
-pub(super) fn wrapped_lanes(angle: f64x4) -> f64x4 {
-    use std::f64::consts::TAU;
-    angle - all(TAU) * (angle * all(1.0 / TAU)).round()
-}

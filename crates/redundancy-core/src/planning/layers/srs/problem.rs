@@ -1,6 +1,6 @@
 //! What a plan of the swivel is about: the circles over the points, limits, windings, obstacles, and what all that costs.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::clearance::{ArmClearance, OverPose};
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
+use crate::joint_space::{TURN, holds, nearest, nearest_all, outside, turned, turns_over, turns_within};
 use crate::kinematics::{Scratch, Task};
 use crate::parallel::prelude::*;
 use crate::path::Path;
@@ -54,10 +55,10 @@ impl Windings {
                 continue;
             }
             // Principal values are in (-pi, pi]: turns k for which (-pi, pi] + k turns meets the range.
-            let (a, b) = (lower[i].max(-2.0 * TAU), upper[i].min(2.0 * TAU));
-            least[i] = ((a - PI) / TAU).ceil() as i32;
-            let most = ((b + PI) / TAU).floor() as i32;
-            count[i] = (most - least[i] + 1).clamp(1, 5) as usize;
+            let (a, b) = (lower[i].max(-2.0 * TURN), upper[i].min(2.0 * TURN));
+            let [first, last] = turns_within([-PI, PI], a, b);
+            least[i] = first as i32;
+            count[i] = (last as i32 - least[i] + 1).clamp(1, 5) as usize;
             if total * count[i] > MAX_WINDINGS {
                 (count[i], least[i]) = (1, 0);
                 wraps[i] = true;
@@ -98,7 +99,7 @@ impl Windings {
 
     /// Positions of a node with the windings of a code.
     pub fn wound(&self, q: &[f64; 7], code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| if self.counts(i) { q[i] + TAU * self.turns[code][i] } else { q[i] })
+        std::array::from_fn(|i| if self.counts(i) { turned(q[i], self.turns[code][i]) } else { q[i] })
     }
 
     /// The code from which one comes to `code` by `turns` full turns less; `None` where a joint has no such winding.
@@ -118,16 +119,7 @@ impl Windings {
 /// Full turns by which `b` is further than the short way from `a`, of the joints that may wrap.
 #[inline(always)]
 pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
-    std::array::from_fn(|i| {
-        let step = b[i] - a[i];
-        if !windings.wraps[i] || step.abs() <= PI {
-            0
-        } else if step > 0.0 {
-            1
-        } else {
-            -1
-        }
-    })
+    std::array::from_fn(|i| if windings.wraps[i] { turns_over(b[i] - a[i]) } else { 0 })
 }
 
 /// The obstacles along the path.
@@ -249,7 +241,7 @@ fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
     let mut best = f64::MIN_POSITIVE;
     for _ in 0..MANIPULABILITY_SAMPLES {
         let q: [f64; 7] = std::array::from_fn(|i| {
-            let (lower, upper) = (chain.lower()[i].max(-TAU / 2.0), chain.upper()[i].min(TAU / 2.0));
+            let (lower, upper) = (chain.lower()[i].max(-PI), chain.upper()[i].min(PI));
             lower + (upper - lower) * rng.random::<f64>()
         });
         best = best.max(measure.value_at(&chain.kinematics_unchecked(&q, &mut scratch)));
@@ -346,7 +338,7 @@ impl<'a> Problem<'a> {
         let m = self.settings.swivels;
         match self.fixed(k) {
             Some(s) => vec![s],
-            None => (0..m).map(|i| TAU * (i as f64 / m as f64 - 0.5)).collect(),
+            None => (0..m).map(|i| TURN * (i as f64 / m as f64 - 0.5)).collect(),
         }
     }
 
@@ -368,11 +360,7 @@ impl<'a> Problem<'a> {
 
     /// Whether some winding of each joint holds the limits.
     pub fn holds(&self, q: &[f64; 7]) -> bool {
-        (0..7).all(|i| {
-            let above = q[i] + TAU * ((self.lower[i] - q[i]) / TAU).ceil();
-            // Without a lower limit that is not a number.
-            above <= self.upper[i] || self.windings.free(i)
-        })
+        (0..7).all(|i| holds(q[i], self.lower[i], self.upper[i]) || self.windings.free(i))
     }
 
     /// Cost of being at a distance from the obstacles and at a manipulability; `None` in a collision.
@@ -653,10 +641,7 @@ impl<'a> Problem<'a> {
         for s in self.grid(k) {
             let all = self.circles[k].all_branches(s);
             for b in &self.branches {
-                let misses = (0..7).map(|i| {
-                    let above = all[*b][i] + TAU * ((self.lower[i] - all[*b][i]) / TAU).ceil();
-                    (above - self.upper[i]).max(0.0).min(self.lower[i] - above + TAU)
-                });
+                let misses = (0..7).map(|i| outside(all[*b][i], self.lower[i], self.upper[i]));
                 if let Some((i, miss)) = misses.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
                     && miss < best.0
                 {
@@ -673,7 +658,7 @@ impl<'a> Problem<'a> {
         let all = self.circles[k].all_branches(line.swivel[k - 1]);
         let q = &all[line.branch[k - 1]];
         for i in 0..7 {
-            let at = q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round();
+            let at = nearest(q[i], line.q[k - 1][i]);
             let name = &self.arm.chain().joints()[i].name;
             if at < self.lower[i] || at > self.upper[i] {
                 let (lower, upper) = (self.lower[i], self.upper[i]);
@@ -695,7 +680,7 @@ impl<'a> Problem<'a> {
         let near = |k: usize, q: &[f64; 7], s: f64, scratch: &mut Scratch| self.distance(k, s, q, scratch);
         let s = line.swivel[k - 1];
         let before = near(k - 1, &line.q[k - 1], s, &mut scratch);
-        let after: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round());
+        let after = nearest_all(q, &line.q[k - 1]);
         if !self.edge_is_clear(k - 1, [&line.q[k - 1], &after], [before, distance], &mut scratch) {
             return format!(" (the arm would touch an obstacle between points {} and {k})", k - 1);
         }

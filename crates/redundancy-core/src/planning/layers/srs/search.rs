@@ -5,9 +5,10 @@
 //! plain arithmetic on rows of numbers. Of where a state came from only the offset is kept, a byte; windings follow from
 //! the joint positions.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use super::problem::{Line, Problem, turns_between};
+use crate::joint_space::{TURN, nearest, turned, wrap};
 use crate::kinematics::Scratch;
 use crate::parallel::prelude::*;
 
@@ -79,7 +80,7 @@ pub(in crate::planning) struct Grid<'a> {
 impl<'a> Grid<'a> {
     /// A grid of `cells`, on which a step may turn the swivel by `reach` (rad).
     pub fn new(problem: &'a Problem<'a>, cells: usize, reach: f64) -> Self {
-        let most = ((reach / TAU * cells as f64).ceil() as usize).min(cells / 2);
+        let most = ((reach / TURN * cells as f64).ceil() as usize).min(cells / 2);
         let mut offsets = vec![0];
         let mut offset = 1;
         while offset <= most && cells > 1 {
@@ -100,7 +101,7 @@ impl<'a> Grid<'a> {
 
     /// Swivel of a cell at point `k`.
     fn angle(&self, k: usize, cell: usize) -> f64 {
-        self.problem.fixed(k).unwrap_or(TAU * (cell as f64 / self.cells as f64 - 0.5))
+        self.problem.fixed(k).unwrap_or(TURN * (cell as f64 / self.cells as f64 - 0.5))
     }
 
     /// Repeats the circle on both sides of a row.
@@ -162,14 +163,14 @@ impl<'a> Grid<'a> {
     /// Nodes in the arcs that fall between the cells: narrower than one, but arcs all the same.
     fn narrow(&self, k: usize, layer: &mut Layer, alive: &mut [u8], scratch: &mut Scratch) {
         let problem = self.problem;
-        let width = TAU / self.cells as f64;
+        let width = TURN / self.cells as f64;
         for (row, branch) in problem.branches.iter().enumerate() {
             for [lower, upper] in problem.circles[k].arcs_of(*branch) {
                 if upper - lower >= width {
                     continue;
                 }
                 let middle = 0.5 * (lower + upper);
-                let cell = ((middle / TAU + 0.5) * self.cells as f64).round() as usize % self.cells;
+                let cell = ((middle / TURN + 0.5) * self.cells as f64).round() as usize % self.cells;
                 if alive[cell] & (1 << branch) != 0 {
                     continue;
                 }
@@ -196,7 +197,7 @@ impl<'a> Grid<'a> {
     ) {
         let problem = self.problem;
         let windings = &problem.windings;
-        let wound: [f64; 7] = std::array::from_fn(|i| q[i] + windings.turns[0][i] * TAU);
+        let wound: [f64; 7] = std::array::from_fn(|i| turned(q[i], windings.turns[0][i]));
         if (0..7).any(|i| !windings.counts(i) && (wound[i] < problem.lower[i] || wound[i] > problem.upper[i]))
         {
             return;
@@ -217,7 +218,7 @@ impl<'a> Grid<'a> {
             let mut cost = shared;
             let mut holds = true;
             for i in windings.several() {
-                let wound = q[i] + TAU * turns[i];
+                let wound = turned(q[i], turns[i]);
                 holds &= wound >= problem.lower[i] && wound <= problem.upper[i];
                 cost += problem.limit_cost(i, wound);
             }
@@ -391,7 +392,7 @@ impl<'a> Grid<'a> {
     fn shorten(&self, joint: usize, step: &mut [f64; LANES]) -> bool {
         let over = step.iter().fold(0.0, |most, d| if d.abs() > most { d.abs() } else { most }) > PI;
         if over && !self.problem.windings.counts(joint) {
-            step.iter_mut().for_each(|d| *d -= TAU * (*d / TAU).round());
+            step.iter_mut().for_each(|d| *d = wrap(*d));
             return false;
         }
         over
@@ -413,7 +414,7 @@ impl<'a> Grid<'a> {
         let problem = self.problem;
         let (a, b) = (self.position(before, branch, cell), self.position(here, branch, to));
         let turns = turns_between(&problem.windings, &a, &b);
-        let target: [f64; 7] = std::array::from_fn(|i| b[i] - TAU * f64::from(turns[i]));
+        let target: [f64; 7] = std::array::from_fn(|i| turned(b[i], -f64::from(turns[i])));
         let mut sum = 0.0;
         for i in 0..7 {
             let step = target[i] - a[i];
@@ -539,7 +540,7 @@ impl<'a> Grid<'a> {
                 (s, problem.circles[k].all_branches(s)[index])
             }
         };
-        let wound = |i: usize| if windings.counts(i) { q[i] } else { q[i] + TAU * windings.turns[0][i] };
+        let wound = |i: usize| if windings.counts(i) { q[i] } else { turned(q[i], windings.turns[0][i]) };
         (s, std::array::from_fn(wound))
     }
 
@@ -585,11 +586,9 @@ impl<'a> Grid<'a> {
         for k in 1..line.q.len() {
             // A joint without limits has no windings of its own: it goes on as it came.
             for i in (0..7).filter(|i| windings.free(*i)) {
-                let step = line.q[k][i] - line.q[k - 1][i];
-                line.q[k][i] -= TAU * (step / TAU).round();
+                line.q[k][i] = nearest(line.q[k][i], line.q[k - 1][i]);
             }
-            let step = line.swivel[k] - line.swivel[k - 1];
-            line.swivel[k] -= TAU * (step / TAU).round();
+            line.swivel[k] = nearest(line.swivel[k], line.swivel[k - 1]);
         }
         line
     }
@@ -665,7 +664,7 @@ impl<'a> Grid<'a> {
             let q = problem.windings.wound(&self.position(layer, branch, state.cell), state.code);
             let gap = |i: usize| {
                 let gap = q[i] - line.q[row][i];
-                if problem.windings.free(i) { gap - TAU * (gap / TAU).round() } else { gap }
+                if problem.windings.free(i) { wrap(gap) } else { gap }
             };
             (0..7).map(|i| gap(i).powi(2)).sum()
         };

@@ -10,11 +10,11 @@
 //! Points at which limits meet without an interval in between (a single feasible configuration) are kept as intervals
 //! of no length.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use super::motion::{Node, PandaMotion};
 use super::ring::Sheet;
-use crate::solutions::wrapped;
+use crate::joint_space::{TURN, difference, wrap};
 use crate::tolerance::{ARC_BAND, ARC_COARSE, ARC_SHORTEST, LIMIT_SLACK};
 
 /// Parts of a curve at first.
@@ -42,7 +42,7 @@ impl Limits {
 
     /// How far the worst joint is inside (negative outside).
     fn margin(&self, q: &[f64; 7]) -> f64 {
-        let inside = |i: usize| self.half[i] - wrapped(q[i] - self.center[i]).abs();
+        let inside = |i: usize| self.half[i] - wrap(q[i] - self.center[i]).abs();
         (0..7).filter(|i| self.half[*i] < PI).map(inside).fold(f64::INFINITY, f64::min)
     }
 }
@@ -140,7 +140,7 @@ impl Cubic {
         if low >= -half && high < half {
             return Course::Inside;
         }
-        let other = TAU - half;
+        let other = TURN - half;
         if (low > half && high < other) || (high < -half && low > -other) {
             return Course::Outside;
         }
@@ -157,7 +157,7 @@ impl Cubic {
         if high - low > PI || !self.is_monotone() {
             return Course::Unclear;
         }
-        let other = TAU - half;
+        let other = TURN - half;
         let levels = [-other - 2.0 * half, -other, -half, half, other, other + 2.0 * half];
         let mut passed = [None; 2];
         let mut count = 0;
@@ -185,7 +185,8 @@ impl Arcs {
         }
         let mut nodes = Vec::with_capacity(PARTS + 1);
         for k in (0..PARTS).step_by(4) {
-            nodes.extend(motion.nodes(sheet, [0, 1, 2, 3].map(|i| TAU * (k + i) as f64 / PARTS as f64 - PI)));
+            nodes
+                .extend(motion.nodes(sheet, [0, 1, 2, 3].map(|i| TURN * (k + i) as f64 / PARTS as f64 - PI)));
         }
         nodes.push(Node { u: PI, ..nodes[0] });
         // Parts in ascending order, each with the shoulders that are not decided.
@@ -269,7 +270,7 @@ impl Arcs {
     /// ends.
     #[cold]
     fn shortest(&mut self, limits: &Limits, shoulder: usize, a: &End, b: &End) {
-        let jump = (0..7).any(|i| wrapped(b.q[i] - a.q[i]).abs() > ARC_COARSE);
+        let jump = (0..7).any(|i| difference(a.q[i], b.q[i]).abs() > ARC_COARSE);
         let [first, last] = [a, b].map(|end| limits.margin(&end.q) >= -LIMIT_SLACK);
         if first && last && !jump {
             self.parts[shoulder].push(Part { a: *a, b: *b });
@@ -298,7 +299,7 @@ impl Arcs {
         if joins && let Some(last) = out.pop() {
             let first = out[0];
             out.remove(0);
-            out.push([last[0], first[1] + TAU]);
+            out.push([last[0], first[1] + TURN]);
         }
         out
     }
@@ -314,7 +315,7 @@ fn verdict(limits: &Limits, a: &End, b: &End) -> Verdict {
         if half >= PI {
             continue;
         }
-        let (start, step) = (wrapped(a.q[i] - limits.center[i]), wrapped(b.q[i] - a.q[i]));
+        let (start, step) = (wrap(a.q[i] - limits.center[i]), difference(a.q[i], b.q[i]));
         let cubic = Cubic::new(start, step, [a.rate[i], b.rate[i]], h);
         match cubic.course(half) {
             Course::Inside => {}
@@ -348,7 +349,7 @@ fn root(
     crossing: &Crossing,
 ) -> Node {
     let i = crossing.joint;
-    let miss = |node: &Node| wrapped(node.q[shoulder][i] - crossing.at);
+    let miss = |node: &Node| wrap(node.q[shoulder][i] - crossing.at);
     let (mut lo, mut hi) = (a.u, b.u);
     let rising = miss(b) > miss(a);
     let mut node = motion.node(sheet, crossing.u);

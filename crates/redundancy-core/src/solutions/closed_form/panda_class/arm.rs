@@ -9,11 +9,12 @@ use super::motion::PandaMotion;
 use super::target::{Rows, Target};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::joint_space::{within, wrap_sum};
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, check_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::closed_form::lanes::{Turns, all};
-use crate::solutions::{Defect, Solution, at, principal, within};
+use crate::solutions::{Defect, Solution, at};
 use crate::tolerance::{EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ROUNDING};
 
 /// Poses that one task of the pool takes at least.
@@ -139,7 +140,7 @@ impl PandaClassArm {
         let reachable = (lanes | (lanes & apart) << 4) as u8;
         let transposed = transpose(&rows);
         for (row, out) in transposed.into_iter().zip(out.iter_mut()) {
-            *out = row.map(principal);
+            *out = row.map(wrap_sum);
         }
         if limits { self.mask_limits(reachable, &rows, out) } else { reachable }
     }

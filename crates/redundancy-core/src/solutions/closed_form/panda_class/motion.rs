@@ -1,6 +1,6 @@
 //! The self-motion over one pose: its curves, the points on them and their tangents.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::sync::OnceLock;
 
 use wide::f64x4;
@@ -10,9 +10,10 @@ use super::arm::PandaClassArm;
 use super::ring::{Miss, Ring, Sheet};
 use super::target::{Rows, Target};
 use crate::error::{Result, check_finite};
+use crate::joint_space::{TURN, outside, wrap, wrap_sum};
 use crate::pose::Pose;
 use crate::solutions::closed_form::Defect;
-use crate::solutions::{check_margin, check_piece, outside, principal, wrapped};
+use crate::solutions::{check_margin, check_piece};
 use crate::status::Status;
 use crate::tolerance::SLOPE_ROUNDING;
 
@@ -154,8 +155,8 @@ impl PandaMotion {
     pub fn q_at(&self, piece: usize, u: f64) -> Result<[f64; 7]> {
         let (sheet, shoulder) = self.piece(piece)?;
         check_finite("u", &[u])?;
-        let node = self.node(sheet, wrapped(u));
-        let q = node.q[shoulder].map(principal);
+        let node = self.node(sheet, wrap(u));
+        let q = node.q[shoulder].map(wrap_sum);
         Ok(self.arm.hold_limits(&q, node.gimbal).unwrap_or_else(|| self.arm.wind(&q)))
     }
 
@@ -167,7 +168,7 @@ impl PandaMotion {
     pub fn tangent_at(&self, piece: usize, u: f64) -> Result<[f64; 7]> {
         let (sheet, shoulder) = self.piece(piece)?;
         check_finite("u", &[u])?;
-        Ok(self.node(sheet, wrapped(u)).rate[shoulder])
+        Ok(self.node(sheet, wrap(u)).rate[shoulder])
     }
 
     /// Where all joint limits hold with `margin` (rad, per joint, from each limit): intervals `[lo, hi]` of u, ascending, `lo`
@@ -207,7 +208,7 @@ impl PandaMotion {
         for sheet in &self.sheets {
             for shoulder in [0, 1] {
                 for k in 0..SAMPLES {
-                    let u = TAU * k as f64 / SAMPLES as f64 - PI;
+                    let u = TURN * k as f64 / SAMPLES as f64 - PI;
                     let miss = violation(sheet, shoulder, u);
                     if best.is_none_or(|b| miss.0 < b.0.0) {
                         best = Some((miss, sheet, shoulder, u));
@@ -216,7 +217,7 @@ impl PandaMotion {
             }
         }
         let Some((mut miss, sheet, shoulder, mut at)) = best else { return String::new() };
-        let mut step = TAU / SAMPLES as f64;
+        let mut step = TURN / SAMPLES as f64;
         while step > SLOPE_ROUNDING {
             for u in [at - step, at + step] {
                 let tried = violation(sheet, shoulder, u);

@@ -7,14 +7,15 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use super::arcs::{End, Part};
 use super::motion::PandaMotion;
 use super::ring::Sheet;
 use crate::criterion::JointSpring;
-use crate::solutions::{Solution, nearest_winding, wrapped};
-use crate::tolerance::{ARC_BAND, EDGE_ROUNDING, OPTIMUM_GAP, SCAN_RESOLVED, SLOPE_ROUNDING};
+use crate::joint_space::{TURN, difference, nearest_within, wrap};
+use crate::solutions::Solution;
+use crate::tolerance::{ARC_BAND, ARC_COARSE, EDGE_ROUNDING, OPTIMUM_GAP, SCAN_RESOLVED, SLOPE_ROUNDING};
 
 /// Most steps to a zero of the slope.
 const ROOT_STEPS: usize = 60;
@@ -92,7 +93,7 @@ impl PandaMotion {
             search.divide(&pending);
         }
         let (value, piece, u, q) = search.best?;
-        Some(Solution { q: q.to_vec(), piece, u: wrapped(u), value, proven: false })
+        Some(Solution { q: q.to_vec(), piece, u: wrap(u), value, proven: false })
     }
 }
 
@@ -124,16 +125,20 @@ impl Search<'_> {
         let mut sum = 0.0;
         for i in 0..7 {
             let JointSpring { weight, center } = self.springs[i];
-            let (start, step) = (wrapped(a.q[i] - center), wrapped(b.q[i] - a.q[i]));
+            let (start, step) = (wrap(a.q[i] - center), difference(a.q[i], b.q[i]));
             let end = start + step;
             let (c, d) = (start + h * a.rate[i] / 3.0, end - h * b.rate[i] / 3.0);
-            let band = ARC_BAND * (step - 0.5 * h * (a.rate[i] + b.rate[i])).abs();
+            let miss = (step - 0.5 * h * (a.rate[i] + b.rate[i])).abs();
+            if miss > ARC_COARSE {
+                continue;
+            }
+            let band = ARC_BAND * miss;
             let low = start.min(end).min(c).min(d) - band;
             let high = start.max(end).max(c).max(d) + band;
             // Whatever the limits: the nearest winding may be outside of them, which makes the bound no better.
-            let off = if high - low >= TAU { 0.0 } else { low.max(-high).max(0.0) };
-            let off = if high > PI { off.min((TAU - high).max(0.0)) } else { off };
-            let off = if low < -PI { off.min((TAU + low).max(0.0)) } else { off };
+            let off = if high - low >= TURN { 0.0 } else { low.max(-high).max(0.0) };
+            let off = if high > PI { off.min((TURN - high).max(0.0)) } else { off };
+            let off = if low < -PI { off.min((TURN + low).max(0.0)) } else { off };
             sum += 0.5 * weight * off * off;
         }
         sum
@@ -146,7 +151,7 @@ impl Search<'_> {
         let mut inside = true;
         for i in 0..7 {
             let JointSpring { weight, center } = self.springs[i];
-            let wound = nearest_winding(end.q[i], center, inner.lower[i], inner.upper[i]);
+            let wound = nearest_within(end.q[i], center, inner.lower[i], inner.upper[i]);
             inside &= wound.is_some();
             q[i] = wound.unwrap_or(end.q[i]);
             let off = q[i] - center;

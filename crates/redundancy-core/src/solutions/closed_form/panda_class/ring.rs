@@ -16,12 +16,13 @@
 //! of w between two zeros is a *lens*: `w = c - h cos u`, the normal has the sign of `sin u`, and u is regular at both
 //! ends. A ring without zeros is two whole curves with `u = w`.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use wide::f64x4;
 
 use super::geometry::PandaGeometry;
 use super::target::{Places, Target};
+use crate::joint_space::TURN;
 use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::tolerance::{REACH_ROUNDING, ROOM_ROUNDING, ROOT_WIDTH};
 
@@ -176,7 +177,7 @@ impl Ring {
     pub fn sheets(&self, g: &PandaGeometry, target: &Target) -> (Vec<Sheet>, f64) {
         let mut samples = Vec::with_capacity(PARTS + 1);
         for k in (0..PARTS).step_by(4) {
-            let w = [0, 1, 2, 3].map(|i| TAU * (k + i) as f64 / PARTS as f64 - PI);
+            let w = [0, 1, 2, 3].map(|i| TURN * (k + i) as f64 / PARTS as f64 - PI);
             samples.extend(self.samples(g, target, w));
         }
         samples.push(Sample { w: PI, ..samples[0] });
@@ -215,7 +216,7 @@ impl Ring {
             };
             return (sheets, most.room);
         }
-        let ends = |i: usize| if i + 1 < roots.len() { roots[i + 1] } else { roots[0] + TAU };
+        let ends = |i: usize| if i + 1 < roots.len() { roots[i + 1] } else { roots[0] + TURN };
         let lens = |i: usize| {
             let (center, half) = (0.5 * (roots[i] + ends(i)), 0.5 * (ends(i) - roots[i]));
             let inside = self.samples(g, target, [center; 4])[0].room > 0.0;

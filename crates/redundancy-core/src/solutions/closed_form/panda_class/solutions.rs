@@ -10,9 +10,10 @@ use super::target::Target;
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, check_dof};
 use crate::error::{Result, check_length};
+use crate::joint_space::within;
 use crate::pose::Pose;
 use crate::solutions::closed_form::{ClosedForm, Defect};
-use crate::solutions::{Solution, Solutions, check_piece, room, search, within};
+use crate::solutions::{Solution, Solutions, check_piece, room, search};
 use crate::status::Status;
 
 /// Values of joint 7 at which a configuration within the limits is looked for before the arcs are asked, as shares of its

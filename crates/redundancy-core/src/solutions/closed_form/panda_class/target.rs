@@ -5,8 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 use wide::f64x4;
 
 use super::geometry::PandaGeometry;
+use crate::joint_space::wrap_four;
 use crate::pose::Pose;
-use crate::solutions::closed_form::lanes::{Turns, all, wrapped_lanes};
+use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::tolerance::{GIMBAL_SINE, LENS_END};
 
 /// A vector in each lane.
@@ -220,13 +221,13 @@ impl Target {
         let gimbal = (a3[0] * a3[0] + a3[1] * a3[1]).sqrt();
         let shoulders = shoulders(g, a1, a3, gimbal);
         let fore = [
-            wrapped_lanes(y.angles() - all(g.zero4)),
+            wrap_four(y.angles() - all(g.zero4)),
             five.angles(),
             six.angles(),
-            wrapped_lanes(x.angles() - all(self.zero7)),
+            wrap_four(x.angles() - all(self.zero7)),
         ];
         let shoulder = shoulders.map(|[first, second, third]| {
-            [first.angles(), wrapped_lanes(second.angles() - all(g.zero2)), third.angles()]
+            [first.angles(), wrap_four(second.angles() - all(g.zero2)), third.angles()]
         });
         let rows = Rows { fore, shoulder, gimbal, room: chord.room, squared: chord.squared };
         (rows, Turned { five, six, axis3: a3, shoulders })

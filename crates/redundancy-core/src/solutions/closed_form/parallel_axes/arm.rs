@@ -26,7 +26,6 @@
 //! # References
 //! The decomposition is that of `[Hawkins2013]` for the UR arms, for axes at any angles.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Complex, Matrix3, Vector3};
@@ -35,10 +34,11 @@ use wide::f64x4;
 use super::geometry::ParallelGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
+use crate::joint_space::{TURN, nearest_within, outside, within, wrap, wrap_four, wrap_sum};
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, check_pose, pose_from_row_major};
-use crate::solutions::closed_form::lanes::{Turns, all, wrapped_lanes};
-use crate::solutions::{Defect, at, nearest_winding, outside, principal, signs, within, wrapped};
+use crate::solutions::closed_form::lanes::{Turns, all};
+use crate::solutions::{Defect, at, signs};
 use crate::tolerance::{
     GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
 };
@@ -261,7 +261,7 @@ impl ParallelAxesArm {
         for (branch, row) in rows.iter().enumerate().filter(|(b, _)| mask & (1 << b) != 0) {
             let mut near = [0.0; 6];
             let inside = (0..6).all(|i| {
-                let wound = nearest_winding(row[i], q[i], lower[i], upper[i]);
+                let wound = nearest_within(row[i], q[i], lower[i], upper[i]);
                 near[i] = wound.unwrap_or(row[i]);
                 wound.is_some()
             });
@@ -304,8 +304,8 @@ impl ParallelAxesArm {
         let upper = g.upper_home * turned(second) * g.lengths[0];
         let fore = g.fore_home * turned(second + third) * g.lengths[1];
         let center = g.shoulder + upper + fore + g.hand * turned(second + third + fourth);
-        let elbow = wrapped(third + (g.fore_home * g.upper_home.conj()).arg());
-        let values = [center.im, elbow, wrapped(g.zero5 - q[4])];
+        let elbow = wrap(third + (g.fore_home * g.upper_home.conj()).arg());
+        let values = [center.im, elbow, wrap(g.zero5 - q[4])];
         Ok(values.map(|x| if x < 0.0 { -1 } else { 1 }))
     }
 
@@ -416,18 +416,18 @@ impl ParallelAxesArm {
         let miss = excess.fast_max(zero).to_array().into_iter().fold(f64::INFINITY, f64::min) + base.miss;
 
         let (one, six) = (base.turn.angles().to_array(), wrist.hand.angles().to_array());
-        let five = wrapped_lanes(all(g.zero5) - wrist.middle.angles()).to_array();
+        let five = wrap_four(all(g.zero5) - wrist.middle.angles()).to_array();
         let (total, bend, folded) = (wrist.total.angles(), elbow.angles(), all(g.bend_home));
         for (e, (upper, bend)) in upper.into_iter().zip([bend, -bend]).enumerate() {
             let second = upper.angles();
-            let third = wrapped_lanes(bend - folded);
-            let fourth = wrapped_lanes(total - second - third);
+            let third = wrap_four(bend - folded);
+            let fourth = wrap_four(total - second - third);
             let [second, third, fourth] = [second, third, fourth].map(f64x4::to_array);
             for lane in 0..4 {
                 let [s2, s3, s4] = g.sign;
                 let [q2, q3, q4] = [s2 * second[lane], s3 * third[lane], s4 * fourth[lane]];
                 let row = [one[lane], q2, q3, q4, five[lane], six[lane]];
-                out[4 * (lane / 2) + 2 * e + lane % 2] = row.map(principal);
+                out[4 * (lane / 2) + 2 * e + lane % 2] = row.map(wrap_sum);
             }
         }
         let doubtful = wrist.height.simd_gt(all(GIMBAL_SINE)) & !out_of_reach;
@@ -485,13 +485,13 @@ impl ParallelAxesArm {
         let Inner { lower, upper, .. } = &*self.inner;
         let plain = *rows;
         let mut mask = if limits { self.mask_limits(found.mask, rows) } else { found.mask };
-        let grid = (0..SINGULAR_WRIST).map(|k| wish + TAU * (k as f64 / SINGULAR_WRIST as f64 - 0.5));
+        let grid = (0..SINGULAR_WRIST).map(|k| wish + TURN * (k as f64 / SINGULAR_WRIST as f64 - 0.5));
         let ends = [wish, lower[5], upper[5]].into_iter().chain(self.stretched(target, free));
         let mut tries: Vec<f64> = grid
             .chain(ends)
             .chain(plain.iter().map(|row| row[5]))
             .filter(|q| q.is_finite())
-            .map(|q| if limits { within(wrapped(q), lower[5], upper[5]).unwrap_or(q) } else { wrapped(q) })
+            .map(|q| if limits { within(wrap(q), lower[5], upper[5]).unwrap_or(q) } else { wrap(q) })
             .collect();
         tries.sort_by(|a, b| (a - wish).abs().total_cmp(&(b - wish).abs()));
         // Where joint 6 is free, the rows at hand are as good as any, but perhaps not the nearest to the wish.
@@ -549,7 +549,7 @@ impl ParallelAxesArm {
                 let angle = cosine.clamp(-1.0, 1.0).acos();
                 for at in [toward + angle, toward - angle] {
                     // Joint 6 turns with or against the sum, whichever way axis 6 points along m.
-                    let rest = wrapped(total - at);
+                    let rest = wrap(total - at);
                     out.extend([rest, -rest]);
                 }
             }
@@ -567,7 +567,7 @@ impl ParallelAxesArm {
         let angles = Turns::along((x * x + y * y).sqrt(), z, 0.0, [1.0, 0.0]);
         let angles = angles.cos.atan2(angles.sin).to_array();
         let [a, b] = [0, 1].map(|i| g.wrist.sin[i].atan2(g.wrist.cos[i]));
-        let (least, most) = ((a - b).abs(), (a + b).min(TAU - a - b));
+        let (least, most) = ((a - b).abs(), (a + b).min(TURN - a - b));
         let turn = angles.iter().map(|c| (least - c).max(c - most)).fold(f64::INFINITY, f64::min);
         if base.miss == 0.0 && turn > 0.0 {
             let what = "joint 5 would have to turn axis 6 farther against axes 2 to 4 than it can, by";

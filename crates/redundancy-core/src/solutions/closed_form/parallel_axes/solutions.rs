@@ -6,9 +6,10 @@ use super::arm::ParallelAxesArm;
 use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::joint_space::outside;
 use crate::pose::{Pose, check_pose};
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
-use crate::solutions::{Solution, Solutions, check_margin, check_piece, outside, room, search};
+use crate::solutions::{Solution, Solutions, check_margin, check_piece, room, search};
 use crate::status::Status;
 
 /// Every configuration over one pose.

@@ -23,7 +23,6 @@
 //! The decomposition is Pieper's `[Pieper1968]`; the parameters of `[Brandstotter2014]` are those of this module with
 //! right angles between the forearm and axis 3.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
@@ -33,10 +32,11 @@ use super::complex::{Complex, complex};
 use super::geometry::WristGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
+use crate::joint_space::{TURN, nearest_within, opposite, outside, within, wrap, wrap_sum};
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, check_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
-use crate::solutions::{Defect, at, nearest_winding, opposite, outside, principal, signs, within, wrapped};
+use crate::solutions::{Defect, at, signs};
 use crate::status::Status;
 use crate::tolerance::{GIMBAL_PASSAGE, GIMBAL_SINE, REACH_ROUNDING};
 
@@ -241,7 +241,7 @@ impl SphericalWristArm {
             let mut near = [0.0; 6];
             let shared = self.wrist_share(row);
             let inside = (0..6).all(|i| {
-                let wound = nearest_winding(row[i], q[i], lower[i], upper[i]);
+                let wound = nearest_within(row[i], q[i], lower[i], upper[i]);
                 near[i] = wound.unwrap_or(row[i]);
                 wound.is_some() || (shared.is_some() && (i == 3 || i == 5))
             });
@@ -288,7 +288,7 @@ impl SphericalWristArm {
     pub fn branch(&self, q: &[f64]) -> Result<[i8; 3]> {
         self.chain().check_q(q)?;
         let g = &self.inner.geometry;
-        let angle = |i: usize| wrapped(g.sign[i] * (q[i] - g.zero[i]));
+        let angle = |i: usize| wrap(g.sign[i] * (q[i] - g.zero[i]));
         let (sin, cos) = angle(1).sin_cos();
         let (sin3, cos3) = angle(2).sin_cos();
         let upper = complex(cos, sin);
@@ -429,8 +429,8 @@ impl SphericalWristArm {
             for (elbow, angles) in angles.iter().enumerate() {
                 let row = 2 * shoulder + elbow;
                 let [d, e, f] = [wrist[0][row], wrist[1][row], wrist[2][row]];
-                let arm = [0, 1, 2].map(|i| principal(g.sign[i] * angles[i] + g.zero[i]));
-                let five = [e, -e].map(|e| principal(e + g.zero[4]));
+                let arm = [0, 1, 2].map(|i| wrap_sum(g.sign[i] * angles[i] + g.zero[i]));
+                let five = [e, -e].map(|e| wrap_sum(e + g.zero[4]));
                 out[2 * row] = [arm[0], arm[1], arm[2], d, five[0], f];
                 out[2 * row + 1] = [arm[0], arm[1], arm[2], opposite(d), five[1], opposite(f)];
             }
@@ -469,7 +469,7 @@ impl SphericalWristArm {
     /// At the wrist's gimbal: +1 where `q4 + q6` is fixed, -1 where `q6 - q4` is.
     #[inline(always)]
     pub(super) fn wrist_share(&self, q: &[f64; 6]) -> Option<f64> {
-        let middle = wrapped(q[4] - self.inner.geometry.zero[4]);
+        let middle = wrap(q[4] - self.inner.geometry.zero[4]);
         if middle.abs() <= GIMBAL_PASSAGE {
             Some(1.0)
         } else if middle.abs() >= std::f64::consts::PI - GIMBAL_PASSAGE {
@@ -508,13 +508,13 @@ impl SphericalWristArm {
         for radius in radii {
             let mut best = (f64::INFINITY, 0.0);
             for k in 0..SAMPLES {
-                let angle = TAU * k as f64 / SAMPLES as f64;
+                let angle = TURN * k as f64 / SAMPLES as f64;
                 let value = distance(radius, angle);
                 if value < best.0 {
                     best = (value, angle);
                 }
             }
-            let mut step = TAU / SAMPLES as f64;
+            let mut step = TURN / SAMPLES as f64;
             while step > 1e-12 {
                 let tried = [best.1 - step, best.1 + step].map(|angle| (distance(radius, angle), angle));
                 let better = if tried[0].0 < tried[1].0 { tried[0] } else { tried[1] };

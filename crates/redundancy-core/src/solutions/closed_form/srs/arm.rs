@@ -18,7 +18,6 @@
 //! The eight branches are the signs of theta2, theta4, theta6. Without an elbow offset they share seven arc
 //! tangents: theta1 and theta7 turn by pi with the sign of theta2 and theta6, theta3 with s2 s4, theta5 with s4 s6.
 
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
@@ -26,14 +25,15 @@ use wide::f64x4;
 
 use super::chart::{Chart, zero_direction};
 use super::circle::SelfMotion;
-use super::geometry::{Geometry, wrapped};
+use super::geometry::Geometry;
 use super::intervals::{Bound, bounds};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
+use crate::joint_space::{opposite, wind_into, within, wrap, wrap_sum};
 use crate::pose::{Pose, check_pose};
 use crate::solutions::Defect;
 use crate::status::Status;
-use crate::tolerance::{EDGE_ROUNDING, GIMBAL_FORCE, GIMBAL_SINE, LIMIT_FORCE, LIMIT_SLACK, REACH_ROUNDING};
+use crate::tolerance::{EDGE_ROUNDING, GIMBAL_FORCE, GIMBAL_SINE, LIMIT_FORCE, REACH_ROUNDING};
 
 /// A swivel: where the elbow is on its circle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -184,12 +184,6 @@ fn first_at_gimbal(turn: [f64; 2]) -> (f64, f64) {
     if norm > GIMBAL_SINE { (turn[1] / norm, -turn[0] / norm) } else { (1.0, 0.0) }
 }
 
-/// `angle` moved by pi into `(-pi, pi]`.
-#[inline(always)]
-pub(crate) fn opposite(angle: f64) -> f64 {
-    if angle > 0.0 { angle - PI } else { angle + PI }
-}
-
 impl Circle {
     /// Angles of the paper for the swivel direction `u`: the shared ones `[a, b, c, t, d, e, f]` of branch +++, for
     /// one elbow sign (`elbow = 1.0` or `-1.0`; aligned arms need only `1.0`).
@@ -290,7 +284,7 @@ impl Circle {
         if s6 < 0 {
             (angles[4], angles[5], angles[6]) = (opposite(angles[4]), -angles[5], opposite(angles[6]));
         }
-        std::array::from_fn(|i| principal(geometry.sign[i] * angles[i] + geometry.zero[i]))
+        std::array::from_fn(|i| wrap_sum(geometry.sign[i] * angles[i] + geometry.zero[i]))
     }
 
     /// `dq/ds` of one branch.
@@ -330,7 +324,7 @@ fn zyz_rates(turn: &Vector3<f64>, [sa, ca]: [f64; 2], [sb, cb]: [f64; 2]) -> [f6
 /// Writes the eight branches from the angles of elbow + and elbow -.
 #[inline(always)]
 fn fill(geometry: &Geometry, plus: &[f64; 7], minus: &[f64; 7], out: &mut [[f64; 7]; 8]) {
-    let q = |i: usize, angle: f64| principal(geometry.sign[i] * angle + geometry.zero[i]);
+    let q = |i: usize, angle: f64| wrap_sum(geometry.sign[i] * angle + geometry.zero[i]);
     for (s4, t) in [plus, minus].into_iter().enumerate() {
         let q4 = q(3, if s4 == 0 { t[3] } else { -t[3] });
         // Shoulder and wrist halves for both signs of theta2 and theta6.
@@ -344,34 +338,6 @@ fn fill(geometry: &Geometry, plus: &[f64; 7], minus: &[f64; 7], out: &mut [[f64;
             }
         }
     }
-}
-
-/// A sum of two angles in `(-pi, pi]`, brought back there.
-#[inline(always)]
-pub(crate) fn principal(angle: f64) -> f64 {
-    if angle > PI {
-        angle - 2.0 * PI
-    } else if angle <= -PI {
-        angle + 2.0 * PI
-    } else {
-        angle
-    }
-}
-
-/// The winding of `q` that holds the limits and is nearest to the principal value; clamped by at most the slack.
-/// `None` when no winding holds them.
-#[inline(always)]
-pub(crate) fn within(q: f64, lower: f64, upper: f64) -> Option<f64> {
-    if q >= lower && q <= upper {
-        return Some(q);
-    }
-    let turns = if q < lower {
-        ((lower - LIMIT_SLACK - q) / (2.0 * PI)).ceil()
-    } else {
-        ((upper + LIMIT_SLACK - q) / (2.0 * PI)).floor()
-    };
-    let wound = q + 2.0 * PI * turns;
-    (wound >= lower - LIMIT_SLACK && wound <= upper + LIMIT_SLACK).then(|| wound.clamp(lower, upper))
 }
 
 impl SrsArm {
@@ -536,15 +502,7 @@ impl SrsArm {
     pub(super) fn wind(&self, q: &[f64; 7]) -> [f64; 7] {
         std::array::from_fn(|i| {
             let (lower, upper) = (self.inner.lower[i] - EDGE_ROUNDING, self.inner.upper[i] + EDGE_ROUNDING);
-            let turns = if q[i] < lower {
-                ((lower - q[i]) / (2.0 * PI)).ceil()
-            } else if q[i] > upper {
-                ((upper - q[i]) / (2.0 * PI)).floor()
-            } else {
-                0.0
-            };
-            let wound = q[i] + 2.0 * PI * turns;
-            if wound >= lower && wound <= upper { wound } else { q[i] }
+            wind_into(q[i], lower, upper)
         })
     }
 
@@ -613,7 +571,7 @@ impl SrsArm {
     /// Sign of the paper's angle `i` (0-based) of a configuration.
     fn sign_of(&self, q: &[f64], i: usize) -> i8 {
         let geometry = &self.inner.geometry;
-        if wrapped(geometry.sign[i] * (q[i] - geometry.zero[i])) < 0.0 { -1 } else { 1 }
+        if wrap(geometry.sign[i] * (q[i] - geometry.zero[i])) < 0.0 { -1 } else { 1 }
     }
 
     /// What depends only on the pose, and whether it is in reach. The pose must be checked.

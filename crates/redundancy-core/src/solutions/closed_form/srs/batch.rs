@@ -1,4 +1,4 @@
-//! Many poses at once: spread over rayon's current pool, the same bits whatever the number of threads.
+//! Many poses at once: spread over the current pool, the same bits whatever the number of threads.
 
 use super::arm::{SrsArm, Swivel};
 use super::circle::SelfMotion;

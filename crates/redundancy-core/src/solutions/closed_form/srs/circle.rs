@@ -4,9 +4,10 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector3;
 
-use super::arm::{Circle, Reach, SrsArm, opposite, signs};
+use super::arm::{Circle, Reach, SrsArm, signs};
 use super::intervals::Arcs;
 use crate::error::{Error, Result};
+use crate::joint_space::{TURN, opposite, outside};
 use crate::status::Status;
 use crate::tolerance::GIMBAL_PASSAGE;
 
@@ -187,7 +188,7 @@ impl SelfMotion {
         let mut best = (f64::INFINITY, 0, 0, 0.0);
         for branch in self.branch_indices() {
             for k in 0..SAMPLES {
-                let s = std::f64::consts::TAU * k as f64 / SAMPLES as f64;
+                let s = TURN * k as f64 / SAMPLES as f64;
                 let (miss, joint) = violation(branch, s);
                 if miss < best.0 {
                     best = (miss, joint, branch, s);
@@ -195,7 +196,7 @@ impl SelfMotion {
             }
         }
         // Golden section is not needed: halve the step around the best sample.
-        let mut step = std::f64::consts::TAU / SAMPLES as f64;
+        let mut step = TURN / SAMPLES as f64;
         while step > 1e-9 {
             for s in [best.3 - step, best.3 + step] {
                 let (miss, joint) = violation(best.2, s);
@@ -211,14 +212,6 @@ impl SelfMotion {
             joint.name, best.0, joint.limits.lower, joint.limits.upper
         )
     }
-}
-
-/// How far the best winding of `q` is outside of its limits.
-pub(crate) fn outside(q: f64, lower: f64, upper: f64) -> f64 {
-    let turn = std::f64::consts::TAU;
-    let above = q + turn * ((lower - q) / turn).ceil();
-    let below = above - turn;
-    (above - upper).max(0.0).min(lower - below)
 }
 
 /// One circle of configurations: fixed signs of theta2, theta4, theta6, the swivel s runs.

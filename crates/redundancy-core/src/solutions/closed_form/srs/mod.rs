@@ -16,8 +16,6 @@ pub use chart::Chart;
 pub use circle::{Branch, SelfMotion};
 pub use optimum::Choice;
 
-pub(crate) use arm::{opposite, principal, signs, within};
+pub(crate) use arm::signs;
 pub(crate) use batch::at;
-pub(crate) use circle::outside;
-pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
-pub(crate) use optimum::nearest_winding;
+pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical};

@@ -23,18 +23,16 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::arm::{Circle, Node, signs, within};
+use super::arm::{Circle, Node, signs};
 use super::circle::SelfMotion;
-use super::geometry::wrapped;
 use super::spherical::{Range, Spherical, greater, lesser, sphericals};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
+use crate::joint_space::{TURN, monotone, nearest, nearest_span, shift, turned, within, wrap};
 use crate::solutions::ClosedForm;
-use crate::tolerance::{
-    GIMBAL_PASSAGE, LIMIT_SLACK, OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING, UNWIND_ROUNDING,
-};
+use crate::tolerance::{GIMBAL_PASSAGE, OPTIMUM_GAP, POLISH_STEP, SLOPE_ROUNDING};
 
 /// A configuration chosen from a circle of solutions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -240,7 +238,7 @@ impl SelfMotion {
                 sorted(&mut cuts);
                 cuts.extend_from_within(..);
                 let half = cuts.len() / 2;
-                cuts[half..].iter_mut().for_each(|s| *s += TAU);
+                cuts[half..].iter_mut().for_each(|s| *s = turned(*s, 1.0));
                 cuts
             });
             let first = cuts.partition_point(|s| *s <= piece.a.s);
@@ -290,9 +288,9 @@ impl SelfMotion {
         for branch in self.branch_indices() {
             let nodes = &elbows[self.elbow_of(branch)].nodes;
             let n = nodes.len();
-            let at = |i: usize| nodes[i % n].s + TAU * (i / n) as f64;
+            let at = |i: usize| turned(nodes[i % n].s, (i / n) as f64);
             for [mut lo, mut hi] in self.arcs().of(branch) {
-                if hi - lo >= TAU {
+                if hi - lo >= TURN {
                     // A full circle begins anywhere.
                     (lo, hi) = (at(0), at(n));
                 }
@@ -348,7 +346,7 @@ impl SelfMotion {
             criterion.gradient(&q, &mut gradient);
             let slope = sign * gradient.iter().zip(&sample.rate).map(|(g, r)| g * r).sum::<f64>();
             if best.is_none_or(|b| value < b.value) {
-                best = Some(Choice { q, swivel: wrapped(s), branch, value, proven: false });
+                best = Some(Choice { q, swivel: wrap(s), branch, value, proven: false });
             }
             [value, slope]
         };
@@ -438,12 +436,12 @@ impl<'a> Search<'a> {
             let mut cost = [0.0; 8];
             for i in 0..8 {
                 let factor = sign[i] * factor[i];
-                let shift = zero[i] + turn[i];
-                let (qa, qb) = (factor * a[i] + shift, factor * b[i] + shift);
-                let qb = unwound(qa, qb, factor * (ra[i] + rb[i]));
+                let zero = zero[i] + turn[i];
+                let (qa, qb) = (factor * a[i] + zero, factor * b[i] + zero);
+                let qb = monotone(qa, qb, factor * (ra[i] + rb[i]));
                 let (low, high) = (lesser(qa, qb), greater(qa, qb));
                 // Whatever the limits: the nearest winding may be outside of them, which makes the bound no better.
-                let turns = TAU * turns(center[i] - 0.5 * (low + high));
+                let turns = shift(center[i] - 0.5 * (low + high));
                 let off = greater(greater(low + turns - center[i], center[i] - high - turns), 0.0);
                 cost[i] = 0.5 * weight[i] * off * off;
             }
@@ -458,7 +456,7 @@ impl<'a> Search<'a> {
         // An end is a cut, in this turn or the next, or the end of an arc.
         let at = |s: f64, i: usize| {
             let node = &nodes[i % nodes.len()];
-            let known = s == node.s || s == node.s + TAU;
+            let known = s == node.s || s == turned(node.s, 1.0);
             let mut sample = if known {
                 self.motion.sample(branch, node)
             } else {
@@ -533,7 +531,7 @@ impl<'a> Search<'a> {
         let Springs { weight, center, lower, upper } = &self.springs;
         let (mut wound, mut value, mut inside) = ([0.0; 8], 0.0, true);
         for i in 0..8 {
-            wound[i] = q[i] + TAU * turns(center[i] - q[i]);
+            wound[i] = nearest(q[i], center[i]);
             inside &= (wound[i] >= lower[i]) & (wound[i] <= upper[i]);
         }
         if !inside {
@@ -548,7 +546,7 @@ impl<'a> Search<'a> {
             value += 0.5 * weight[i] * (wound[i] - center[i]) * (wound[i] - center[i]);
         }
         if self.best.is_none_or(|b| value < b.value) {
-            self.best = Some(Choice { q: joints(&wound), swivel: wrapped(s), branch, value, proven: false });
+            self.best = Some(Choice { q: joints(&wound), swivel: wrap(s), branch, value, proven: false });
         }
         value
     }
@@ -572,7 +570,7 @@ impl<'a> Search<'a> {
                 if !locked {
                     continue;
                 }
-                let step = TAU / SAMPLES as f64;
+                let step = TURN / SAMPLES as f64;
                 let mut best = (f64::INFINITY, 0.0);
                 for k in 0..SAMPLES {
                     let s = step * k as f64 - PI;
@@ -612,7 +610,7 @@ impl<'a> Search<'a> {
             let (w, v) = (weight[first], weight[third]);
             let mut best = f64::INFINITY;
             for turns in -2..=2 {
-                let (x, y) = (sample.q[first], sample.q[third] + TAU * f64::from(turns));
+                let (x, y) = (sample.q[first], turned(sample.q[third], f64::from(turns)));
                 let (a, b) = ((y - inner.lower[third]) * ratio, (y - inner.upper[third]) * ratio);
                 let low = (inner.lower[first] - x).max(a.min(b));
                 let high = (inner.upper[first] - x).min(a.max(b));
@@ -697,7 +695,7 @@ impl<'a> Search<'a> {
         let first = at(start.swivel);
         let mut shifts = [0.0; 8];
         for i in 0..7 {
-            shifts[i] = TAU * turns(start.q[i] - first.q[i]);
+            shifts[i] = shift(start.q[i] - first.q[i]);
         }
         let (mut s0, mut d0) = (start.swivel, self.slope(&first, &shifts));
         let mut s1 = s0 + POLISH_STEP;
@@ -720,7 +718,7 @@ impl<'a> Search<'a> {
         let mut sample = self.motion.sample(piece.branch, &self.motion.node(piece.branch, s));
         for i in 0..8 {
             // The joint is monotone on the piece: its value lies between those at the ends.
-            sample.q[i] += TAU * turns(0.5 * (piece.a.q[i] + piece.b.q[i]) - sample.q[i]);
+            sample.q[i] = nearest(sample.q[i], 0.5 * (piece.a.q[i] + piece.b.q[i]));
         }
         sample
     }
@@ -750,7 +748,7 @@ impl<'a> Search<'a> {
         let (mut shifts, mut off, mut plain) = ([0.0; 8], [0.0; 8], [false; 8]);
         for i in 0..8 {
             let (low, high) = (lesser(a.q[i], b.q[i]), greater(a.q[i], b.q[i]));
-            shifts[i] = TAU * turns(center[i] - 0.5 * (low + high));
+            shifts[i] = shift(center[i] - 0.5 * (low + high));
             let (low, high) = (low + shifts[i], high + shifts[i]);
             off[i] = greater(greater(low - center[i], center[i] - high), 0.0);
             // Nearer to the centre than any other winding, everywhere, and within the limits: the common case.
@@ -760,7 +758,8 @@ impl<'a> Search<'a> {
         let (mut bound, mut unique) = (0.0, true);
         if plain != [true; 8] {
             for i in (0..7).filter(|i| !plain[*i]) {
-                let span = nearest_span(a.q[i], b.q[i], center[i], lower[i], upper[i])?;
+                let range = [lesser(a.q[i], b.q[i]), greater(a.q[i], b.q[i])];
+                let span = nearest_span(range, center[i], lower[i], upper[i])?;
                 (off[i], shifts[i]) = (span.distance, span.shift);
                 unique &= span.unique || weight[i] == 0.0;
             }
@@ -815,80 +814,16 @@ fn joints(row: &Row) -> [f64; 7] {
     std::array::from_fn(|i| row[i])
 }
 
-/// The winding of `q` within the limits that is nearest to `center`.
-pub(crate) fn nearest_winding(q: f64, center: f64, lower: f64, upper: f64) -> Option<f64> {
-    within(q + TAU * turns(center - q), lower, upper)
-}
-
-struct Span {
-    /// Least distance from the centre to any winding of the span within the limits.
-    distance: f64,
-    /// The winding that attains it, as an angle to add.
-    shift: f64,
-    /// True when no other winding can be chosen anywhere on the span.
-    unique: bool,
-}
-
-/// Windings of the angles between `a` and `b` against the limits: which is nearest to `center`, and is it the only
-/// candidate. `None` when there is none.
-#[cold]
-fn nearest_span(a: f64, b: f64, center: f64, lower: f64, upper: f64) -> Option<Span> {
-    let (low, high) = (lesser(a, b), greater(a, b));
-    // Windings of which some part is within the limits, with the slack of `within`: what is offered there is taken. More
-    // slack would be a range in which the bound promises what no point can hold.
-    let first = ((lower - high - LIMIT_SLACK) / TAU).ceil();
-    let last = ((upper - low + LIMIT_SLACK) / TAU).floor();
-    if first > last {
-        return None;
-    }
-    let nearest = turns(center - 0.5 * (low + high)).max(first).min(last);
-    let distance = |k: f64| {
-        let (a, b) = ((low + TAU * k).max(lower), (high + TAU * k).min(upper));
-        (a - center).max(center - b).max(0.0)
-    };
-    let mut best = Span { distance: distance(nearest), shift: TAU * nearest, unique: true };
-    let (a, b) = (low + best.shift, high + best.shift);
-    // A neighbour is a candidate where it is the nearer one, or where this one breaks a limit.
-    let everywhere = a >= lower && b <= upper;
-    for (k, farther) in [(nearest - 1.0, b <= center + PI), (nearest + 1.0, a >= center - PI)] {
-        if k >= first && k <= last && !(farther && everywhere) {
-            best.unique = false;
-            best.distance = best.distance.min(distance(k));
-        }
-    }
-    Some(best)
-}
-
 /// Sorted and without repeats.
 fn sorted(cuts: &mut Vec<f64>) {
     cuts.sort_unstable_by(f64::total_cmp);
     cuts.dedup();
 }
 
-/// The number of whole turns nearest to an angle, up to 2^31 of them.
-#[inline(always)]
-fn turns(angle: f64) -> f64 {
-    const PER_RADIAN: f64 = 1.0 / TAU;
-    const MOST: f64 = 2_147_483_648.0;
-    // Numbers of this size, 1.5 * 2^52, have no fraction: to add and subtract it rounds.
-    const WHOLE: f64 = 6_755_399_441_055_744.0;
-    let x = greater(lesser(angle * PER_RADIAN, MOST), -MOST);
-    (x + WHOLE) - WHOLE
-}
-
 /// `b` with the windings that monotone joints reach from `a`.
 fn follow(a: &Sample, mut b: Sample) -> Sample {
     for i in 0..8 {
-        b.q[i] = unwound(a.q[i], b.q[i], a.rate[i] + b.rate[i]);
+        b.q[i] = monotone(a.q[i], b.q[i], a.rate[i] + b.rate[i]);
     }
     b
-}
-
-/// `end` with the winding that a monotone joint reaches from `start` when its rate has the sign of `direction`.
-#[inline(always)]
-fn unwound(start: f64, end: f64, direction: f64) -> f64 {
-    let step = (end - start) - TAU * turns(end - start);
-    // A step against the direction is rounding, or more than half a turn.
-    let against = (step * direction < 0.0) & (step.abs() > UNWIND_ROUNDING);
-    start + step + if against { TAU.copysign(direction) } else { 0.0 }
 }

@@ -12,7 +12,7 @@ use crate::criterion::Criterion;
 use crate::error::{Result, check_length};
 use crate::pose::Pose;
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
-use crate::solutions::{Solution, Solutions, check_piece, room};
+use crate::solutions::{Solution, Solutions, check_piece, room, search};
 use crate::status::Status;
 
 /// Swivels at which a configuration within the limits is looked for before the exact arcs are asked.
@@ -69,7 +69,7 @@ impl SelfMotion {
         let Choice { q, swivel, branch, value, proven } = choice;
         // On the stretched arm both elbows are one piece.
         let piece = self.branch_indices().position(|index| index == branch).unwrap_or(0);
-        Solution { q: q.to_vec(), piece, u: swivel, value, proven }
+        Solution { q: q.to_vec(), piece, u: search::in_period(swivel), value, proven }
     }
 }
 
@@ -133,7 +133,7 @@ impl Solutions for SelfMotion {
     fn parameter(&self, piece: usize, u: f64) -> Result<Option<f64>> {
         check_piece(piece, self.pieces())?;
         Swivel::Angle(u).direction()?;
-        Ok(Some(crate::rotation::wrap(u)))
+        Ok(Some(search::in_period(u)))
     }
 
     fn nearest(&self, q: &[f64]) -> Result<Option<Solution>> {

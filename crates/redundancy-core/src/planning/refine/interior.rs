@@ -1,0 +1,204 @@
+//! The iteration: linearise, solve, search along the line, lower the barrier.
+
+use std::time::Instant;
+
+use super::super::demand::{Demand, Objective};
+use super::banded::Banded;
+use super::linear::{Linear, Sets, screened};
+
+/// What is minimised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in super::super) enum Goal {
+    /// The cost.
+    Cost,
+    /// The cost, with the weighted joint speeds below a cap.
+    Capped(f64),
+    /// The largest weighted joint speed, and the cost by a little.
+    Peak,
+}
+
+/// How far a refinement goes.
+#[derive(Debug, Clone, Copy)]
+pub(in super::super) struct Refinement {
+    pub goal: Goal,
+    /// First barrier, as a share of the cost of a row.
+    pub barrier: f64,
+    /// Last barrier, as a share of the cost of a row.
+    pub last_barrier: f64,
+    /// Slope, relative to the force of the motion, at which it is done.
+    pub slope: f64,
+    /// Most iterations.
+    pub iterations: usize,
+    /// When to stop.
+    pub deadline: Option<Instant>,
+}
+
+/// A refined line.
+#[derive(Debug, Clone)]
+pub(in super::super) struct Refined {
+    pub q: Vec<f64>,
+    /// The cost, without the peak speed.
+    pub cost: f64,
+    /// Slope that is left, relative to the force of the motion.
+    pub slope: f64,
+    /// Largest violation of a bound.
+    pub violation: f64,
+    pub iterations: usize,
+    /// True where slope and barrier are as small as asked for.
+    pub converged: bool,
+}
+
+/// Refines a line that meets the equations; `None` where a row is lost.
+pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -> Option<Refined> {
+    let mut sets = screened(demand, &q, how.goal);
+    if demand.spare() == 0 {
+        return pinned(demand, q, how, sets);
+    }
+    let mut start = q;
+    let mut iterations = 0;
+    for _ in 0..SCREENINGS {
+        let out = Interior::new(demand, start, how, sets.clone())?.run(iterations)?;
+        // A bound that was left out and is met now comes in.
+        if !sets.widen(demand, &out.q, how.goal) || out.iterations >= how.iterations {
+            return Some(out);
+        }
+        iterations = out.iterations;
+        start = out.q;
+    }
+    None
+}
+
+/// A line without freedom: its rows to the last digit.
+fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement, sets: Sets) -> Option<Refined> {
+    let linear = Linear::new(demand, how.goal, sets, q)?;
+    let q = linear.exact()?;
+    let (cost, violation) = (demand.cost(&q), linear.violation(&q));
+    Some(Refined { q, cost, slope: 0.0, violation, iterations: 0, converged: true })
+}
+
+struct Interior<'a> {
+    demand: &'a Demand,
+    how: &'a Refinement,
+    linear: Linear<'a>,
+    /// Barrier per unit of the cost of a row.
+    unit: f64,
+    mu: f64,
+    penalty: f64,
+}
+
+impl<'a> Interior<'a> {
+    fn new(demand: &'a Demand, q: Vec<f64>, how: &'a Refinement, sets: Sets) -> Option<Self> {
+        let mut linear = Linear::new(demand, how.goal, sets, q)?;
+        let cost = linear.objective();
+        let unit = cost.abs().max(f64::MIN_POSITIVE) / demand.rows() as f64;
+        let mu = (how.barrier * unit).max(how.last_barrier * unit);
+        linear.start(mu);
+        Some(Self { demand, how, linear, unit, mu, penalty: 0.0 })
+    }
+
+    fn run(mut self, before: usize) -> Option<Refined> {
+        let last = self.how.last_barrier * self.unit;
+        let mut iterations = before;
+        let mut converged = false;
+        let mut stalled = 0;
+        while iterations < self.how.iterations {
+            if self.how.deadline.is_some_and(|at| Instant::now() >= at) {
+                break;
+            }
+            let mut system = self.linear.linearise(self.mu);
+            let residual = self.linear.residual(self.mu);
+            let force = self.linear.force();
+            let tight = residual.slope <= self.how.slope * force && residual.infeasibility <= INFEASIBILITY;
+            if self.mu <= last && tight && residual.gap <= GAP * self.mu.max(last) {
+                converged = true;
+                break;
+            }
+            let loose = residual.slope <= LOOSE * force && residual.gap <= LOOSE_GAP * self.mu;
+            if self.mu > last && loose {
+                self.mu = self.lowered(last);
+                system = self.linear.linearise(self.mu);
+            }
+            iterations += 1;
+            let floor = self.linear.floor();
+            system.factor(floor);
+            let improved = self.step(&system)?;
+            stalled = if improved { 0 } else { stalled + 1 };
+            if stalled >= STALLS {
+                if self.mu <= last {
+                    break;
+                }
+                self.mu = self.lowered(last);
+            }
+        }
+        let residual = self.linear.residual(self.mu);
+        let (slope, force) = (residual.slope, self.linear.force());
+        let q = self.linear.exact()?;
+        let violation = self.linear.violation(&q);
+        Some(Refined {
+            cost: self.demand.cost(&q),
+            q,
+            slope: slope / force,
+            violation,
+            iterations,
+            converged,
+        })
+    }
+
+    fn lowered(&self, last: f64) -> f64 {
+        let relative = self.mu / self.unit;
+        (self.unit * (FALL * relative).min(relative.powf(SUPERLINEAR))).max(last)
+    }
+
+    /// One step; false where nothing was gained.
+    fn step(&mut self, system: &Banded) -> Option<bool> {
+        let mut x = self.linear.right_hand_side();
+        system.solve(&mut x);
+        if x.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let direction = self.linear.direction(&x, self.mu);
+        self.penalty = self.penalty.max(direction.penalty);
+        let start = self.linear.merit(self.mu, self.penalty);
+        let slope = direction.slope - self.penalty * direction.infeasibility;
+        let mut alpha = direction.longest;
+        for _ in 0..HALVINGS {
+            if let Some(trial) = self.linear.trial(&direction, alpha, self.mu, self.penalty) {
+                let noise = ROUNDING * start.abs().max(self.unit);
+                if trial.merit <= start + ARMIJO * alpha * slope.min(0.0) + noise {
+                    let gained = trial.merit < start - noise || alpha * direction.size > STANDSTILL;
+                    self.linear.accept(trial, &direction, alpha, self.mu);
+                    return Some(gained);
+                }
+            }
+            alpha *= 0.5;
+        }
+        Some(false)
+    }
+}
+
+/// Whether the length of the steps is minimised.
+pub(super) fn is_length(demand: &Demand) -> bool {
+    demand.objective == Objective::Length
+}
+
+/// Times that left-out bounds are brought in.
+const SCREENINGS: usize = 4;
+/// Share of the violation (rad, scaled) of the slacks that may be left.
+const INFEASIBILITY: f64 = 1e-9;
+/// Complementarity that is left at the end, relative to the barrier.
+const GAP: f64 = 1.0;
+/// Slope and complementarity at which the barrier is lowered.
+const LOOSE: f64 = 1e-2;
+const LOOSE_GAP: f64 = 10.0;
+/// Factor and power by which the barrier is lowered.
+const FALL: f64 = 0.15;
+const SUPERLINEAR: f64 = 1.5;
+/// Most halvings of a step.
+const HALVINGS: usize = 25;
+/// Steps without a gain after which it ends.
+const STALLS: usize = 3;
+const ARMIJO: f64 = 1e-4;
+/// Rounding of the merit, relative.
+const ROUNDING: f64 = 1e-13;
+/// Joint step (rad or m) that counts as a gain whatever the merit says.
+const STANDSTILL: f64 = 1e-9;

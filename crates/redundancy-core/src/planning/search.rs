@@ -1,0 +1,309 @@
+//! Dynamic programming over the states of a path: the cheapest lines that differ from each other.
+//!
+//! A step between states costs what the straight joint motion costs; one that is faster than the joints may be does not
+//! exist. Joints that can turn all the way round go the short way, and the line is put into its limits at the end.
+//! Costs to come and to go give the best line through every state, from which a handful of different ones is taken: the
+//! first line of a search on states is often not in the best basin.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use super::demand::Demand;
+use super::nodes::Nodes;
+
+/// A line through the states.
+#[derive(Debug, Clone)]
+pub(super) struct Line {
+    /// State of each layer.
+    pub states: Vec<usize>,
+    /// Configurations, windings continuous.
+    pub q: Vec<f64>,
+    /// What it costs on the layers.
+    pub cost: f64,
+}
+
+/// The graph of states and steps.
+pub(super) struct Search<'a> {
+    /// The problem on the layers.
+    demand: &'a Demand,
+    nodes: &'a Nodes,
+    node_cost: Vec<Vec<f32>>,
+    /// Cost of each step, `from * (states after) + to`.
+    edges: Vec<Vec<f32>>,
+    /// Joints that can turn all the way round.
+    round: Vec<bool>,
+}
+
+impl<'a> Search<'a> {
+    /// The graph; `demand` is the problem on the rows of `nodes`.
+    pub fn new(demand: &'a Demand, nodes: &'a Nodes) -> Self {
+        let n = demand.dof();
+        let round: Vec<bool> = (0..n)
+            .map(|i| demand.chain.steps()[i].rotational && demand.upper[i] - demand.lower[i] >= TAU)
+            .collect();
+        let node_cost = (nodes.q.par_iter().enumerate())
+            .map(|(layer, q)| q.chunks_exact(n).map(|q| demand.row_cost(layer, q) as f32).collect())
+            .collect();
+        let edges = (0..demand.steps())
+            .into_par_iter()
+            .map(|step| edge_costs(demand, step, &nodes.q[step], &nodes.q[demand.after(step)], &round))
+            .collect();
+        Self { demand, nodes, node_cost, edges, round }
+    }
+
+    /// Number of states of a layer.
+    fn states(&self, layer: usize) -> usize {
+        self.node_cost[layer].len()
+    }
+
+    /// Takes a step out of the graph.
+    pub fn forbid(&mut self, step: usize, from: usize, to: usize) {
+        let width = self.states(self.demand.after(step));
+        self.edges[step][from * width + to] = f32::INFINITY;
+    }
+
+    /// Up to `count` cheapest lines that differ.
+    pub fn lines(&self, count: usize) -> Vec<Line> {
+        if self.node_cost.iter().any(Vec::is_empty) {
+            return Vec::new();
+        }
+        if self.demand.cyclic { self.closed_lines(count) } else { self.open_lines(count) }
+    }
+
+    fn open_lines(&self, count: usize) -> Vec<Line> {
+        let layers = self.node_cost.len();
+        let mut to_come = vec![self.node_cost[0].clone()];
+        for step in 0..layers - 1 {
+            let next = self.forward(step, &to_come[step]);
+            to_come.push(next);
+        }
+        let mut to_go = vec![vec![0.0; self.states(layers - 1)]];
+        for step in (0..layers - 1).rev() {
+            let previous = self.backward(step, &to_go[to_go.len() - 1]);
+            to_go.push(previous);
+        }
+        to_go.reverse();
+        let mut order: Vec<(f32, usize, usize)> = (0..layers)
+            .flat_map(|layer| {
+                let through = to_come[layer].iter().zip(&to_go[layer]).map(|(a, b)| a + b);
+                through.enumerate().map(move |(state, cost)| (cost, layer, state))
+            })
+            .filter(|entry| entry.0.is_finite())
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let Some(best) = order.first().map(|entry| entry.0) else { return Vec::new() };
+        let mut out: Vec<Line> = Vec::new();
+        let mut seen: Vec<Vec<bool>> = (0..layers).map(|layer| vec![false; self.states(layer)]).collect();
+        for (cost, layer, state) in order {
+            if out.len() >= count || cost > COST_WINDOW * best + f32::MIN_POSITIVE {
+                break;
+            }
+            if seen[layer][state] {
+                continue;
+            }
+            let states = self.through(layer, state, &to_come, &to_go);
+            for (layer, state) in states.iter().enumerate() {
+                seen[layer][*state] = true;
+            }
+            self.push_if_new(&mut out, states, f64::from(cost));
+        }
+        out
+    }
+
+    /// The best line through a state.
+    fn through(&self, layer: usize, state: usize, come: &[Vec<f32>], go: &[Vec<f32>]) -> Vec<usize> {
+        let layers = self.node_cost.len();
+        let mut states = vec![state; layers];
+        for step in (0..layer).rev() {
+            let (to, width) = (states[step + 1], self.states(step + 1));
+            let cost = |from: usize| come[step][from] + self.edges[step][from * width + to];
+            states[step] = least(self.states(step), cost);
+        }
+        for step in layer..layers - 1 {
+            let (from, width) = (states[step], self.states(step + 1));
+            let cost = |to: usize| {
+                self.edges[step][from * width + to] + self.node_cost[step + 1][to] + go[step + 1][to]
+            };
+            states[step + 1] = least(width, cost);
+        }
+        states
+    }
+
+    /// Lines that end in the state in which they began.
+    fn closed_lines(&self, count: usize) -> Vec<Line> {
+        let layers = self.node_cost.len();
+        let found: Vec<(f32, Vec<usize>)> = (0..self.states(0))
+            .into_par_iter()
+            .filter_map(|start| {
+                let mut first = vec![f32::INFINITY; self.states(0)];
+                first[start] = self.node_cost[0][start];
+                let mut come = vec![first];
+                for step in 0..layers - 1 {
+                    let next = self.forward(step, &come[step]);
+                    come.push(next);
+                }
+                let width = self.states(0);
+                let last = &self.edges[layers - 1];
+                let cost = |from: usize| come[layers - 1][from] + last[from * width + start];
+                let end = least(self.states(layers - 1), cost);
+                let total = cost(end);
+                if !total.is_finite() {
+                    return None;
+                }
+                let mut states = vec![end; layers];
+                for step in (0..layers - 1).rev() {
+                    let (to, width) = (states[step + 1], self.states(step + 1));
+                    let cost = |from: usize| come[step][from] + self.edges[step][from * width + to];
+                    states[step] = least(self.states(step), cost);
+                }
+                Some((total, states))
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..found.len()).collect();
+        order.sort_by(|a, b| found[*a].0.total_cmp(&found[*b].0).then(a.cmp(b)));
+        let mut out = Vec::new();
+        for i in order {
+            if out.len() >= count {
+                break;
+            }
+            self.push_if_new(&mut out, found[i].1.clone(), f64::from(found[i].0));
+        }
+        out
+    }
+
+    /// Adds a line that lies within its limits and away from the others.
+    fn push_if_new(&self, out: &mut Vec<Line>, states: Vec<usize>, cost: f64) {
+        let Some(q) = self.unwound(&states) else { return };
+        let layers = states.len() as f64;
+        let apart = |other: &Line| {
+            let square: f64 = (q.iter().zip(&other.q).enumerate())
+                .map(|(i, (a, b))| self.short(i % self.demand.dof(), a - b).powi(2))
+                .sum();
+            (square / layers).sqrt() > APART
+        };
+        if out.iter().all(apart) {
+            out.push(Line { states, q, cost });
+        }
+    }
+
+    fn short(&self, joint: usize, d: f64) -> f64 {
+        if self.round[joint] { d - TAU * (d / TAU).round() } else { d }
+    }
+
+    /// Configurations of a line with continuous windings inside the limits.
+    fn unwound(&self, states: &[usize]) -> Option<Vec<f64>> {
+        let n = self.demand.dof();
+        let mut q = Vec::with_capacity(states.len() * n);
+        for (layer, state) in states.iter().enumerate() {
+            let at = &self.nodes.q[layer][state * n..(state + 1) * n];
+            for i in 0..n {
+                let value = match layer.checked_sub(1) {
+                    Some(before) => {
+                        let before: f64 = q[before * n + i];
+                        before + self.short(i, at[i] - before)
+                    }
+                    None => at[i],
+                };
+                q.push(value);
+            }
+        }
+        for i in (0..n).filter(|i| self.round[*i]) {
+            let column = || q.iter().skip(i).step_by(n);
+            let (least, most) =
+                column().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(*q), b.max(*q)));
+            if self.demand.cyclic {
+                let (first, last) = (q[i], q[q.len() - n + i]);
+                if (first - last).abs() > std::f64::consts::PI {
+                    return None;
+                }
+            }
+            let given = self.demand.first.is_some() || self.demand.last.is_some();
+            let [middle, half] = self.demand.range[i];
+            let turns =
+                if half > 0.0 && !given { ((0.5 * (least + most) - middle) / TAU).round() } else { 0.0 };
+            q.iter_mut().skip(i).step_by(n).for_each(|q| *q -= TAU * turns);
+            let (least, most) = (least - TAU * turns, most - TAU * turns);
+            if least < self.demand.lower[i] - WINDING_SLACK || most > self.demand.upper[i] + WINDING_SLACK {
+                return None;
+            }
+        }
+        Some(q)
+    }
+
+    fn forward(&self, step: usize, come: &[f32]) -> Vec<f32> {
+        let width = self.states(step + 1);
+        let mut next = vec![f32::INFINITY; width];
+        for (from, row) in come.iter().zip(self.edges[step].chunks_exact(width)) {
+            if from.is_finite() {
+                for (next, edge) in next.iter_mut().zip(row) {
+                    let cost = from + edge;
+                    *next = if cost < *next { cost } else { *next };
+                }
+            }
+        }
+        next.iter_mut().zip(&self.node_cost[step + 1]).for_each(|(next, node)| *next += node);
+        next
+    }
+
+    fn backward(&self, step: usize, go: &[f32]) -> Vec<f32> {
+        let width = self.states(step + 1);
+        let rest: Vec<f32> = go.iter().zip(&self.node_cost[step + 1]).map(|(a, b)| a + b).collect();
+        self.edges[step]
+            .chunks_exact(width)
+            .map(|row| row.iter().zip(&rest).fold(f32::INFINITY, |least, (a, b)| least.min(a + b)))
+            .collect()
+    }
+}
+
+/// Costs of all steps between two layers.
+fn edge_costs(demand: &Demand, step: usize, from: &[f64], to: &[f64], round: &[bool]) -> Vec<f32> {
+    let n = demand.dof();
+    let (rows, width) = (from.len() / n, to.len() / n);
+    // Joint by joint, so that the inner loop runs over states.
+    let columns: Vec<Vec<f32>> =
+        (0..n).map(|i| to.iter().skip(i).step_by(n).map(|q| *q as f32).collect()).collect();
+    let mut out = vec![0f32; rows * width];
+    let (share, turn) = (demand.step_share[step], TAU as f32);
+    for (from, out) in from.chunks_exact(n).zip(out.chunks_exact_mut(width.max(1))) {
+        for i in 0..n {
+            let weight = (demand.motion_weight.max(LEAST_MOTION) * demand.joint_weight[i] / share) as f32;
+            let bound = (demand.step_bound[step * n + i] * STEP_SLACK) as f32;
+            let a = from[i] as f32;
+            let fast = |d: f32| if d.abs() > bound { f32::INFINITY } else { weight * d * d };
+            if round[i] {
+                for (out, b) in out.iter_mut().zip(&columns[i]) {
+                    let d = b - a;
+                    *out += fast(d - turn * (d * (1.0 / turn)).round_ties_even());
+                }
+            } else {
+                for (out, b) in out.iter_mut().zip(&columns[i]) {
+                    *out += fast(b - a);
+                }
+            }
+        }
+    }
+    out
+}
+
+fn least(count: usize, cost: impl Fn(usize) -> f32) -> usize {
+    let mut best = (f32::INFINITY, 0);
+    for i in 0..count {
+        let cost = cost(i);
+        if cost < best.0 {
+            best = (cost, i);
+        }
+    }
+    best.1
+}
+
+/// Lines that cost more than this many times the best are not refined.
+const COST_WINDOW: f32 = 2.0;
+/// Root mean square distance (rad) at which two lines differ.
+const APART: f64 = 0.35;
+/// States do not lie exactly on the best line: a step may exceed its bound by this factor.
+const STEP_SLACK: f64 = 1.1;
+/// States may leave the limits by this much through their windings, rad.
+const WINDING_SLACK: f64 = 1e-9;
+/// Motion weight at least, in the search: without any the states would not hang together.
+const LEAST_MOTION: f64 = 1e-6;

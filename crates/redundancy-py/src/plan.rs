@@ -1,0 +1,511 @@
+//! Whole paths with any freedom: `ToolFreedom`, `Plan`, `plan`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use redundancy_core::kinematics::{SpinFreedom, ToolFreedom};
+use redundancy_core::path::{BlockedPoint, Plan, PlanBuilder, Reconfiguration};
+use redundancy_core::planning::{Objective, PlanSettings, plan};
+use redundancy_core::{Error, Status, Watch, pose_from_row_major, pose_to_row_major};
+
+use crate::chain::PyChain;
+use crate::convert::{read_array, read_rows, read_seed, read_vector, to_array};
+use crate::criterion::PyCriterion;
+use crate::error::to_py;
+use crate::orientation_plan::SpinArgument;
+use crate::path::{PyPath, PyTrajectory, read_arrays};
+use crate::speed::{JointLimits, read_limits};
+use crate::status::status_to_py;
+use crate::task::read_task;
+
+/// How often a running plan is looked at.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// How far the tool may lean and spin away from the path's orientation.
+#[pyclass(name = "ToolFreedom", module = "redundancy", frozen, eq)]
+#[derive(PartialEq)]
+pub struct PyToolFreedom {
+    pub freedom: ToolFreedom,
+}
+
+#[pymethods]
+impl PyToolFreedom {
+    #[new]
+    #[pyo3(signature = (half_angle=0.0, spin=SpinArgument::Angle(0.0), axis=None))]
+    fn new(half_angle: f64, spin: SpinArgument, axis: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let axis = axis.map_or(Ok([0.0, 0.0, 1.0]), |axis| read_array(axis, "axis"))?;
+        let spin = match spin {
+            SpinArgument::Angle(angle) => SpinFreedom::Within(angle),
+            SpinArgument::Word(word) if word == "free" => SpinFreedom::Free,
+            SpinArgument::Word(name) => {
+                return Err(to_py(Error::UnknownName { kind: "spin", name, valid: vec!["free".into()] }));
+            }
+        };
+        Ok(Self { freedom: ToolFreedom::new(half_angle, spin, axis).map_err(to_py)? })
+    }
+
+    /// Largest angle between the tool axis and the path's, rad.
+    #[getter]
+    fn half_angle(&self) -> f64 {
+        self.freedom.half_angle()
+    }
+
+    /// Largest spin to either side, rad, or `"free"`.
+    #[getter]
+    fn spin<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self.freedom.spin() {
+            SpinFreedom::Free => Ok("free".into_pyobject(py)?.into_any()),
+            SpinFreedom::Within(angle) => Ok(angle.into_pyobject(py)?.into_any()),
+        }
+    }
+
+    /// The tool axis in the tool frame, a unit vector.
+    #[getter]
+    fn axis(&self) -> [f64; 3] {
+        let axis = self.freedom.axis();
+        [axis.x, axis.y, axis.z]
+    }
+
+    fn __repr__(&self) -> String {
+        let spin = match self.freedom.spin() {
+            SpinFreedom::Free => "'free'".to_owned(),
+            SpinFreedom::Within(angle) => angle.to_string(),
+        };
+        format!("ToolFreedom(half_angle={}, spin={spin}, axis={:?})", self.half_angle(), self.axis())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let parts = (self.half_angle(), self.spin(py)?, self.axis());
+        Ok((py.get_type::<Self>().into_any(), parts.into_pyobject(py)?))
+    }
+}
+
+/// A motion along a path with its verdict.
+#[pyclass(name = "Plan", module = "redundancy", frozen, extends = PyTrajectory)]
+pub struct PyPlan {
+    pub plan: Plan,
+}
+
+#[pymethods]
+impl PyPlan {
+    /// What the planner did.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.plan.status())
+    }
+
+    /// Why it is not `converged`; empty when it is.
+    #[getter]
+    fn reason(&self) -> &str {
+        self.plan.reason()
+    }
+
+    /// Whether limits, task, contact and continuity hold; `None` where that was not checked.
+    #[getter]
+    fn legal(&self) -> Option<bool> {
+        self.plan.legal()
+    }
+
+    /// Whether the verdict is exact.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.plan.proven()
+    }
+
+    /// What was minimised, summed over the path.
+    #[getter]
+    fn cost(&self) -> Option<f64> {
+        self.plan.cost()
+    }
+
+    /// Rows before which the arm must change its configuration.
+    #[getter]
+    fn reconfigurations(&self) -> Vec<usize> {
+        self.plan.reconfigurations().iter().map(|change| change.row).collect()
+    }
+
+    /// Points of the path without any configuration.
+    #[getter]
+    fn blocked(&self) -> Vec<usize> {
+        self.plan.blocked().iter().map(|point| point.row).collect()
+    }
+
+    /// Why each of them is blocked.
+    #[getter]
+    fn blocked_reasons(&self) -> Vec<String> {
+        self.plan.blocked().iter().map(|point| point.reason.clone()).collect()
+    }
+
+    /// Arc length of each row, m.
+    #[getter]
+    fn s<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.plan.s().map(|s| PyArray1::from_slice(py, s))
+    }
+
+    /// Tool pose of each row, `(N, 4, 4)`.
+    #[getter]
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(poses) = self.plan.poses() else { return Ok(None) };
+        let flat: Vec<f64> = poses.iter().flat_map(pose_to_row_major).collect();
+        Ok(Some(to_array(py, &flat, [poses.len(), 4, 4])?.into_any()))
+    }
+
+    /// Rotation vector of the swing across the tool axis, `(N, 2)`, rad.
+    #[getter]
+    fn tilt<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.plan.tilt().map(|tilt| to_array(py, tilt.as_flattened(), [tilt.len(), 2])).transpose()
+    }
+
+    /// Twist about the tool axis, rad, continuous.
+    #[getter]
+    fn spin<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.plan.spin().map(|spin| PyArray1::from_slice(py, spin))
+    }
+
+    /// Smallest distance to a joint position limit in each row, rad or m.
+    #[getter]
+    fn margin<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.plan.margin().map(|margin| PyArray1::from_slice(py, margin))
+    }
+
+    /// Distance from the obstacles of each row, m.
+    #[getter]
+    fn clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.plan.clearance().map(|clearance| PyArray1::from_slice(py, clearance))
+    }
+
+    /// Distance between links of the arm of each row, m.
+    #[getter]
+    fn self_clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.plan.self_clearance().map(|clearance| PyArray1::from_slice(py, clearance))
+    }
+
+    /// Part of the cost of each row.
+    #[getter]
+    fn row_cost<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.plan.row_cost().map(|cost| PyArray1::from_slice(py, cost))
+    }
+
+    /// The piece of the solutions of each row, an index of `piece_labels`.
+    #[getter]
+    fn piece<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<i64>>> {
+        self.plan.pieces().map(|pieces| PyArray1::from_iter(py, pieces.index.iter().map(|i| *i as i64)))
+    }
+
+    /// Names of the pieces.
+    #[getter]
+    fn piece_labels(&self) -> Vec<String> {
+        self.plan.pieces().map_or_else(Vec::new, |pieces| pieces.labels.clone())
+    }
+
+    /// The spare coordinates that have names: values of each row.
+    #[getter]
+    fn spare<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let out = PyDict::new(py);
+        for spare in self.plan.spare() {
+            out.set_item(&spare.name, PyArray1::from_slice(py, &spare.values))?;
+        }
+        Ok(out)
+    }
+
+    /// Writes an npz file with everything in it.
+    fn to_npz(this: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
+        let arrays = Self::everything(this)?;
+        this.py().import("numpy")?.getattr("savez_compressed")?.call((path,), Some(&arrays))?;
+        Ok(())
+    }
+
+    /// Reads what `to_npz` wrote.
+    #[staticmethod]
+    fn from_npz(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Self>> {
+        let broken = |error: PyErr| {
+            let (file, message) = (path.display().to_string(), error.to_string());
+            to_py(Error::File { file, message })
+        };
+        let file = py.import("numpy")?.getattr("load")?.call1((&path,)).map_err(broken)?;
+        let result = Self::_from_arrays(&file).map_err(broken);
+        file.call_method0("close")?;
+        result
+    }
+
+    /// Inverse of pickling.
+    #[staticmethod]
+    fn _from_arrays<'py>(arrays: &Bound<'py, PyAny>) -> PyResult<Bound<'py, Self>> {
+        let py = arrays.py();
+        let trajectory = read_arrays(arrays)?.trajectory;
+        let words: Vec<String> = arrays.get_item("verdict")?.call_method0("tolist")?.extract()?;
+        let invalid = || to_py(Error::Invalid("these are not the parts of a plan".into()));
+        let [word, reason, legal, proven] = words.as_slice() else { return Err(invalid()) };
+        let status =
+            |word: &str| Status::ALL.into_iter().find(|status| status.as_str() == word).ok_or_else(invalid);
+        let mut builder = PlanBuilder::new(trajectory, status(word)?).reason(reason.clone());
+        if legal != "unknown" {
+            builder = builder.legal(legal == "true");
+        }
+        builder = builder.proven(proven == "true");
+        let list = |name: &str| arrays.get_item(name)?.call_method0("tolist");
+        let (rows, why): (Vec<usize>, Vec<String>) =
+            (list("reconfiguration_row")?.extract()?, list("reconfiguration_reason")?.extract()?);
+        let changes = rows.into_iter().zip(why).map(|(row, reason)| Reconfiguration { row, reason });
+        builder = builder.reconfigurations(changes.collect());
+        let (rows, kinds): (Vec<usize>, Vec<String>) =
+            (list("blocked_row")?.extract()?, list("blocked_status")?.extract()?);
+        let why: Vec<String> = list("blocked_reason")?.extract()?;
+        let mut blocked = Vec::new();
+        for ((row, kind), reason) in rows.into_iter().zip(kinds).zip(why) {
+            blocked.push(BlockedPoint { row, status: status(&kind)?, reason });
+        }
+        builder = builder.blocked(blocked);
+        let known = |name: &str| arrays.contains(name);
+        let column = |name: &str| read_vector(&arrays.get_item(name)?, name, None);
+        if known("cost")? {
+            builder = builder.cost(column("cost")?.first().copied().ok_or_else(invalid)?);
+        }
+        let setters: [(&str, fn(PlanBuilder, Vec<f64>) -> PlanBuilder); 6] = [
+            ("s", PlanBuilder::s),
+            ("spin", PlanBuilder::spin),
+            ("margin", PlanBuilder::margin),
+            ("clearance", PlanBuilder::clearance),
+            ("self_clearance", PlanBuilder::self_clearance),
+            ("row_cost", PlanBuilder::row_cost),
+        ];
+        for (name, set) in setters {
+            if known(name)? {
+                builder = set(builder, column(name)?);
+            }
+        }
+        if known("tilt")? {
+            let rows = arrays.get_item("tilt")?;
+            let tilt = read_rows(&rows, "tilt", &[2])?.as_slice()?.as_chunks::<2>().0.to_vec();
+            builder = builder.tilt(tilt);
+        }
+        if known("poses")? {
+            let rows = arrays.get_item("poses")?;
+            let rows = read_rows(&rows, "poses", &[4, 4])?;
+            let poses = rows.as_slice()?.chunks_exact(16).map(pose_from_row_major);
+            builder = builder.poses(poses.collect::<Result<_, _>>().map_err(to_py)?);
+        }
+        if known("piece")? {
+            builder = builder.pieces(list("piece")?.extract()?, list("piece_labels")?.extract()?);
+        }
+        for name in list("spare_names")?.extract::<Vec<String>>()? {
+            let values = column(&format!("spare_{name}"))?;
+            builder = builder.spare(name, values);
+        }
+        wrapped(py, builder.build().map_err(to_py)?)
+    }
+
+    fn __repr__(&self) -> String {
+        let plan = &self.plan;
+        let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
+        let cost = plan.cost().map_or(String::new(), |cost| format!(", cost {cost:.6}"));
+        format!("Plan({} rows, {}{cost}{reason})", plan.rows(), plan.status())
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| other.get().plan == self.plan)
+    }
+
+    fn __ne__(&self, other: &Bound<'_, PyAny>) -> bool {
+        !self.__eq__(other)
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
+        let make = this.py().get_type::<Self>().getattr("_from_arrays")?;
+        Ok((make, (Self::everything(this)?,)))
+    }
+}
+
+impl PyPlan {
+    /// Everything as named arrays.
+    fn everything<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (py, plan) = (this.py(), &this.get().plan);
+        let arrays = this.as_super().get().arrays(py)?;
+        let numpy = py.import("numpy")?;
+        let strings = |words: Vec<&str>| numpy.getattr("array")?.call1((words, pyo3::intern!(py, "U")));
+        let truth = |value: bool| if value { "true" } else { "false" };
+        let legal = plan.legal().map_or("unknown", truth);
+        let verdict = vec![plan.status().as_str(), plan.reason(), legal, truth(plan.proven())];
+        arrays.set_item("verdict", strings(verdict)?)?;
+        let integers = |rows: Vec<usize>| PyArray1::from_iter(py, rows.into_iter().map(|row| row as i64));
+        let changes = plan.reconfigurations();
+        arrays.set_item("reconfiguration_row", integers(changes.iter().map(|c| c.row).collect()))?;
+        let why = changes.iter().map(|c| c.reason.as_str()).collect();
+        arrays.set_item("reconfiguration_reason", strings(why)?)?;
+        let blocked = plan.blocked();
+        arrays.set_item("blocked_row", integers(blocked.iter().map(|b| b.row).collect()))?;
+        arrays.set_item("blocked_status", strings(blocked.iter().map(|b| b.status.as_str()).collect())?)?;
+        arrays.set_item("blocked_reason", strings(blocked.iter().map(|b| b.reason.as_str()).collect())?)?;
+        if let Some(cost) = plan.cost() {
+            arrays.set_item("cost", PyArray1::from_slice(py, &[cost]))?;
+        }
+        let columns = [
+            ("s", plan.s()),
+            ("spin", plan.spin()),
+            ("margin", plan.margin()),
+            ("clearance", plan.clearance()),
+            ("self_clearance", plan.self_clearance()),
+            ("row_cost", plan.row_cost()),
+        ];
+        for (name, values) in columns {
+            if let Some(values) = values {
+                arrays.set_item(name, PyArray1::from_slice(py, values))?;
+            }
+        }
+        if let Some(tilt) = this.get().tilt(py)? {
+            arrays.set_item("tilt", tilt)?;
+        }
+        if let Some(poses) = this.get().poses(py)? {
+            arrays.set_item("poses", poses)?;
+        }
+        if let Some(pieces) = plan.pieces() {
+            arrays.set_item("piece", integers(pieces.index.clone()))?;
+            arrays.set_item("piece_labels", strings(pieces.labels.iter().map(String::as_str).collect())?)?;
+        }
+        let names: Vec<&str> = plan.spare().iter().map(|spare| spare.name.as_str()).collect();
+        arrays.set_item("spare_names", strings(names)?)?;
+        for spare in plan.spare() {
+            arrays.set_item(format!("spare_{}", spare.name), PyArray1::from_slice(py, &spare.values))?;
+        }
+        Ok(arrays)
+    }
+}
+
+/// A plan as a Python object.
+pub fn wrapped(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PyPlan>> {
+    let base = PyClassInitializer::from(PyTrajectory::from(plan.trajectory().clone()));
+    Bound::new(py, base.add_subclass(PyPlan { plan }))
+}
+
+/// A chain, or an arm object that has one.
+fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChain>> {
+    if let Ok(chain) = object.cast::<PyChain>() {
+        return Ok(chain.clone());
+    }
+    let chain = object.getattr_opt(pyo3::intern!(object.py(), "chain"))?;
+    chain.and_then(|chain| chain.cast_into::<PyChain>().ok()).ok_or_else(|| {
+        let kind = object.get_type();
+        to_py(Error::Invalid(format!("chain is a {kind}, expected a Chain or an arm object")))
+    })
+}
+
+/// Plans a whole path for any arm with any freedom.
+#[pyfunction(name = "plan")]
+#[pyo3(signature = (chain, path, freedom=None, *, task=None, cyclic=false, q_start=None, q_end=None,
+    objective="motion", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0,
+    joint_weights=None, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
+    speed_weights=None, margin=0.0, time_limit=10.0, seed=0, threads=None, progress=None))]
+pub fn py_plan<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyAny>,
+    path: &Bound<'py, PyPath>,
+    freedom: Option<&Bound<'py, PyToolFreedom>>,
+    task: Option<&Bound<'py, PyAny>>,
+    cyclic: bool,
+    q_start: Option<&Bound<'py, PyAny>>,
+    q_end: Option<&Bound<'py, PyAny>>,
+    objective: &str,
+    motion_weight: Option<f64>,
+    limit_weight: Option<f64>,
+    criterion: Option<&Bound<'py, PyCriterion>>,
+    criterion_weight: f64,
+    joint_weights: Option<&Bound<'py, PyAny>>,
+    tool_speed: Option<f64>,
+    velocity_limits: Option<JointLimits<'py>>,
+    speed_weights: Option<&Bound<'py, PyAny>>,
+    margin: f64,
+    time_limit: f64,
+    #[pyo3(from_py_with = read_seed)] seed: u64,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyPlan>> {
+    let chain = read_chain(chain)?;
+    let (chain, path) = (&chain.get().chain, &path.get().path);
+    let vector = |object: Option<&Bound<'py, PyAny>>, what: &str| {
+        object.map(|values| read_vector(values, what, Some(chain.dof()))).transpose()
+    };
+    let default = PlanSettings::default();
+    let settings = PlanSettings {
+        freedom: freedom.map_or(ToolFreedom::NONE, |freedom| freedom.get().freedom),
+        task: task.map(read_task).transpose()?,
+        objective: Objective::from_name(objective).map_err(to_py)?,
+        motion_weight: motion_weight.unwrap_or(default.motion_weight),
+        limit_weight: limit_weight.unwrap_or(default.limit_weight),
+        criterion: criterion.map(|criterion| criterion.get().criterion.clone()),
+        criterion_weight,
+        joint_weights: vector(joint_weights, "joint_weights")?,
+        tool_speed,
+        velocity_limits: read_limits(
+            velocity_limits,
+            "velocity_limits",
+            chain.joints().iter().map(|j| j.limits.velocity),
+        )?,
+        speed_weights: vector(speed_weights, "speed_weights")?,
+        margin,
+        cyclic,
+        q_start: vector(q_start, "q_start")?,
+        q_end: vector(q_end, "q_end")?,
+        time_limit,
+        seed,
+    };
+    let pool = crate::batch::pool(threads)?;
+    let watch = Watch::default().with_time_limit(time_limit);
+    let plan = watched(py, &watch, progress, || match &pool {
+        Some(pool) => pool.install(|| plan(chain, path, &settings, &watch)),
+        None => plan(chain, path, &settings, &watch),
+    })?;
+    wrapped(py, plan)
+}
+
+/// Runs `work` on another thread without the GIL. Ctrl-C cancels it, and its best result so far is the answer; an
+/// exception of `progress` cancels it too, and is raised.
+fn watched<T: Send>(
+    py: Python<'_>,
+    watch: &Watch,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce() -> redundancy_core::Result<T> + Send,
+) -> PyResult<T> {
+    let mut stopped: Option<PyErr> = None;
+    let done = py.detach(|| {
+        std::thread::scope(|scope| {
+            let caller = std::thread::current();
+            let running = scope.spawn(move || {
+                let done = work();
+                caller.unpark();
+                done
+            });
+            let mut reported = None;
+            while !running.is_finished() {
+                std::thread::park_timeout(LOOK);
+                let share = watch.share();
+                let look = |py: Python<'_>| -> PyResult<()> {
+                    let call = progress.as_ref().filter(|_| stopped.is_none() && reported != Some(share));
+                    let seen = py
+                        .check_signals()
+                        .and_then(|()| call.map_or(Ok(()), |call| call.call1(py, (share,)).map(drop)));
+                    match seen {
+                        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
+                            watch.cancel();
+                            Ok(())
+                        }
+                        other => other,
+                    }
+                };
+                if let Err(error) = Python::attach(look) {
+                    watch.cancel();
+                    stopped = Some(error);
+                }
+                reported = Some(share);
+            }
+            running.join()
+        })
+    });
+    if let Some(error) = stopped {
+        return Err(error);
+    }
+    done.map_err(|_| to_py(Error::Invalid("the planner stopped unexpectedly".into())))?.map_err(to_py)
+}

@@ -1,0 +1,148 @@
+"""What `redundancy plan` does."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path as File
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import redundancy as rd
+from redundancy import plot_plan
+
+# What `plan` leaves behind.
+RESULTS = (
+    "trajectory.csv",
+    "trajectory.json",
+    "plan.npz",
+    "summary.json",
+    "joints.png",
+    "freedom.png",
+    "speed.png",
+)
+
+
+@dataclass
+class Job:
+    """One run of `plan`."""
+
+    chain: rd.Chain
+    robot: str
+    path_file: File
+    path: rd.Path
+    out: File
+    options: dict[str, Any]
+    plots: bool = True
+    progress: Callable[[float], None] | None = None
+    plan: rd.Plan | None = None
+    summary: dict[str, Any] = field(default_factory=dict)
+
+    def run(self) -> list[str]:
+        """Plan, measure, write; the names of the files."""
+        begin = time.perf_counter()
+        self.out.mkdir(parents=True, exist_ok=True)
+        for name in RESULTS:  # nothing of an earlier run may stand beside the new summary
+            (self.out / name).unlink(missing_ok=True)
+        plan = rd.plan(self.chain, self.path, progress=self.progress, **self.options)
+        self.plan = plan
+        self.summary = self._measure(plan)
+        written = ["summary.json"]
+        if len(plan):
+            plan.to_csv(self.out / "trajectory.csv")
+            plan.to_json(self.out / "trajectory.json")
+            plan.to_npz(self.out / "plan.npz")
+            written = ["trajectory.csv", "trajectory.json", "plan.npz", *written]
+            if self.plots:
+                for name, figure in plot_plan.figures(self.chain, plan).items():
+                    figure.savefig(self.out / name, dpi=120)
+                    plot_plan.close(figure)
+                    written.append(name)
+        self.summary["seconds"] = time.perf_counter() - begin
+        text = json.dumps(self.summary, indent=2, allow_nan=False)
+        (self.out / "summary.json").write_text(text + "\n")
+        return written
+
+    def _measure(self, plan: rd.Plan) -> dict[str, Any]:
+        out: dict[str, Any] = {
+            "robot": self.chain.name,
+            "robot_source": self.robot,
+            "path": str(self.path_file),
+            "points": len(self.path),
+            "length_m": self.path.length,
+            "status": str(plan.status),
+            "reason": plan.reason,
+            "legal": plan.legal,
+            "proven": plan.proven,
+            "blocked": plan.blocked,
+            "reconfigurations": plan.reconfigurations,
+        }
+        if not len(plan):
+            return out
+        steps = np.diff(plan.q, axis=0)
+        seconds = np.diff(plan.t)[:, None]
+        out |= {
+            "cost": plan.cost,
+            "joint_travel_rad": float(np.linalg.norm(steps, axis=1).sum()),
+            "sum_of_squared_steps": float((steps**2).sum()),
+            "duration_s": float(plan.t[-1] - plan.t[0]),
+            "peak_joint_speed": dict(
+                zip(plan.joint_names, np.abs(steps / seconds).max(axis=0).tolist(), strict=True)
+            ),
+        }
+        if plan.margin is not None and np.isfinite(plan.margin).any():
+            out["least_margin"] = float(plan.margin.min())
+        if plan.tilt is not None:
+            out["largest_tilt_deg"] = float(np.degrees(np.linalg.norm(plan.tilt, axis=1).max()))
+        if plan.spin is not None:
+            out["spin_deg"] = [float(np.degrees(plan.spin.min())), float(np.degrees(plan.spin.max()))]
+        for name in ("clearance", "self_clearance"):
+            values = getattr(plan, name)
+            if values is not None and np.isfinite(values).any():
+                out[f"least_{name}_m"] = float(values.min())
+        return out
+
+
+def spin_of(text: str) -> Literal["free"] | float:
+    """`free`, or degrees to either side as radians."""
+    if text == "free":
+        return "free"
+    try:
+        return float(np.deg2rad(float(text)))
+    except ValueError:
+        raise rd.RedundancyError(f"--spin is '{text}', it must be free or an angle in degrees") from None
+
+
+def rows(plan: rd.Plan) -> list[tuple[str, str]]:
+    """What the terminal shows."""
+    out = [("status", str(plan.status))]
+    if plan.reason:
+        out.append(("reason", plan.reason))
+    if not len(plan):
+        return out
+    steps = np.diff(plan.q, axis=0)
+    out.append(("joint travel", f"{np.linalg.norm(steps, axis=1).sum():.4f} rad"))
+    out.append(("duration", f"{plan.t[-1] - plan.t[0]:.3f} s"))
+    if plan.margin is not None and np.isfinite(plan.margin).any():
+        out.append(("least margin", f"{np.degrees(plan.margin.min()):.2f} deg"))
+    if plan.tilt is not None and np.any(plan.tilt):
+        out.append(("largest tilt", f"{np.degrees(np.linalg.norm(plan.tilt, axis=1).max()):.2f} deg"))
+    if plan.spin is not None and np.any(plan.spin):
+        low, high = np.degrees(plan.spin.min()), np.degrees(plan.spin.max())
+        out.append(("spin", f"{low:.1f} to {high:.1f} deg"))
+    if plan.reconfigurations:
+        out.append(("reconfigurations", ", ".join(map(str, plan.reconfigurations))))
+    return out
+
+
+def vector(text: str, option: str, count: int) -> NDArray[np.float64]:
+    """Numbers with commas."""
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.array([])
+    if len(values) != count or not np.isfinite(values).all():
+        raise rd.RedundancyError(f"{option} is '{text}', it must be {count} comma-separated numbers")
+    return values
