@@ -7,10 +7,9 @@
 
 use std::f64::consts::TAU;
 
-use rayon::prelude::*;
-
 use super::demand::Demand;
 use super::nodes::Nodes;
+use crate::parallel::prelude::*;
 
 /// A line through the states.
 #[derive(Debug, Clone)]

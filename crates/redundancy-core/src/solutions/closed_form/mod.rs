@@ -5,8 +5,10 @@
 //! through it and sees a new form at once.
 
 mod form;
+mod gimbal;
 mod lanes;
 mod lines;
+pub mod panda_class;
 pub mod parallel_axes;
 mod registry;
 pub mod spherical_wrist;

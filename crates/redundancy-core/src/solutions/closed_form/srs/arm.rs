@@ -29,7 +29,7 @@ use super::intervals::{Bound, bounds};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::joint_space::{wind_into, within, wrap};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::solutions::Defect;
 use crate::status::Status;
 use crate::tolerance::{EDGE_ROUNDING, GIMBAL_FORCE, LIMIT_FORCE, REACH_ROUNDING};
@@ -172,7 +172,7 @@ impl SrsArm {
     /// # Errors
     /// A pose that is not rigid or finite, a swivel that is not finite.
     pub fn solve(&self, pose: &Pose, swivel: Swivel, limits: bool) -> Result<Vec<[f64; 7]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let u = swivel.direction()?;
         let (circle, reach) = self.circle(pose);
         if reach != Reach::Inside {
@@ -289,7 +289,7 @@ impl SrsArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn chart_change(&self, other: &Self, pose: &Pose) -> Result<f64> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let (mine, theirs) = (self.circle(pose).0, other.circle(pose).0);
         let w = other.inner.geometry.frame.tr_mul(&(self.inner.geometry.frame * mine.w0));
         Ok(w.dot(&theirs.w1).atan2(w.dot(&theirs.w0)))

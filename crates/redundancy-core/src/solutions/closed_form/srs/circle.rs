@@ -9,7 +9,7 @@ use super::elbow_circle::{Circle, Reach, signs};
 use super::intervals::Arcs;
 use crate::error::{Error, Result};
 use crate::joint_space::{TURN, opposite, outside};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::GIMBAL_PASSAGE;
 
@@ -41,7 +41,7 @@ impl SrsArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn self_motion(&self, pose: &Pose) -> Result<SelfMotion> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let (circle, reach) = self.circle(pose);
         Ok(SelfMotion::new(self.clone(), circle, reach))
     }
