@@ -255,7 +255,7 @@ fn tree(tokens: &Tokens, mut i: usize, prefix: &[String], out: &mut Vec<(Vec<Str
         }
         if tokens.is_name(i) || tokens.is(i, "*") {
             // `a::{self}` is `a`.
-            if !(tokens.is(i, "self") && !path.is_empty()) {
+            if !tokens.is(i, "self") || path.is_empty() {
                 path.push(tokens.0[i].clone());
             }
         }

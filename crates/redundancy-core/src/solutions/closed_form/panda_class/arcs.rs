@@ -160,14 +160,12 @@ impl Cubic {
         let other = TURN - half;
         let levels = [-other - 2.0 * half, -other, -half, half, other, other + 2.0 * half];
         let mut passed = [None; 2];
-        let mut count = 0;
-        for level in levels.into_iter().filter(|level| *level >= low && *level <= high) {
+        for (count, level) in levels.into_iter().filter(|level| *level >= low && *level <= high).enumerate() {
             let clear = (a - level).abs() >= self.band && (d - level).abs() >= self.band;
             if !clear || (a < level) == (d < level) || count == 2 {
                 return Course::Unclear;
             }
             passed[count] = Some(level);
-            count += 1;
         }
         let inside = (a >= -half && a < half)
             || (a >= other && a < other + 2.0 * half)

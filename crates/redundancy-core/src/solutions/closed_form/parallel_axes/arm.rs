@@ -625,7 +625,7 @@ fn lane_of(branch: usize) -> usize {
 #[inline(always)]
 fn spread(bits: u32) -> u8 {
     let [a, b, c, d] = [0, 1, 2, 3].map(|lane| bits >> lane & 1);
-    (a * 0b0101 | b * 0b1010 | c * 0b0101_0000 | d * 0b1010_0000) as u8
+    ((a * 0b0101) | (b * 0b1010) | (c * 0b0101_0000) | (d * 0b1010_0000)) as u8
 }
 
 /// Rows that are no repeats: a wrist at its end is one, not two.
