@@ -10,6 +10,7 @@ mod lanes;
 mod lines;
 pub mod panda_class;
 pub mod parallel_axes;
+mod polish;
 mod registry;
 pub mod spherical_wrist;
 pub mod srs;

@@ -2,7 +2,7 @@
 //!
 //! A curve is cut into parts on which every joint is followed by the cubic through its values and rates at both ends. The
 //! control points of the cubic bound it, and a share of what it leaves of the trapezoid rule (a third-order difference, one order
-//! above the cubic's own error) bounds what it misses. A part is *dropped* when one joint is outside its limits all along,
+//! above the cubic's own error) and of the bend of the part bounds what it misses. A part is *dropped* when one joint is outside its limits all along,
 //! *kept* when all are inside, and searched when every joint in question passes a limit once, monotonically: that root is
 //! then found on the curve itself to rounding. All other parts are divided. Only parts that no joint rules out are divided, so
 //! most of a curve is done with its first 32 points, which run four at a time.
@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 use super::motion::{Node, PandaMotion};
 use super::ring::Sheet;
 use crate::joint_space::{TURN, difference, wrap};
-use crate::tolerance::{ARC_BAND, ARC_COARSE, ARC_SHORTEST, LIMIT_SLACK};
+use crate::tolerance::{ARC_BAND, ARC_BEND, ARC_COARSE, ARC_SHORTEST, LIMIT_SLACK};
 
 /// Parts of a curve at first.
 const PARTS: usize = 32;
@@ -101,26 +101,53 @@ enum Course {
     Crosses([Option<f64>; 2], bool),
 }
 
-/// The cubic of a joint, from the centre of its limits.
-struct Cubic {
+/// How the joints go from one end to the other: steps, and what the cubics through both ends may miss.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Steps {
+    pub step: [f64; 7],
+    pub band: [f64; 7],
+}
+
+impl Steps {
+    /// Joints that turn fast together (the shoulder near its gimbal, joints 4 to 7 where the chord is near axis 5 or 6) share
+    /// the largest estimate: what one of them misses by symmetry another shows.
+    #[inline(always)]
+    pub fn new(a: &End, b: &End) -> Self {
+        let h = b.u - a.u;
+        let step: [f64; 7] = std::array::from_fn(|i| difference(a.q[i], b.q[i]));
+        let miss = |i: usize| {
+            let [first, second] = [h * a.rate[i], h * b.rate[i]];
+            (step[i] - 0.5 * (first + second)).abs() + ARC_BEND * (second - first).abs()
+        };
+        let most =
+            |range: std::ops::Range<usize>| range.map(miss).fold(0.0, |a: f64, b| if b > a { b } else { a });
+        let band = |miss: f64| if miss > ARC_COARSE { f64::INFINITY } else { ARC_BAND * miss };
+        let (shoulder, fore) = (band(most(0..3)), band(most(3..7)));
+        Self { step, band: std::array::from_fn(|i| if i < 3 { shoulder } else { fore }) }
+    }
+}
+
+/// The cubic of a joint.
+pub(super) struct Cubic {
     points: [f64; 4],
     /// What it may miss.
     band: f64,
 }
 
 impl Cubic {
+    /// Of joint `i`, from its value at the beginning.
     #[inline(always)]
-    fn new(start: f64, step: f64, rates: [f64; 2], h: f64) -> Self {
-        let end = start + step;
-        let miss = (step - 0.5 * h * (rates[0] + rates[1])).abs();
+    pub fn new(start: f64, steps: &Steps, i: usize, a: &End, b: &End) -> Self {
+        let (h, end) = (b.u - a.u, start + steps.step[i]);
         Self {
-            points: [start, start + h * rates[0] / 3.0, end - h * rates[1] / 3.0, end],
-            band: if miss > ARC_COARSE { f64::INFINITY } else { ARC_BAND * miss },
+            points: [start, start + h * a.rate[i] / 3.0, end - h * b.rate[i] / 3.0, end],
+            band: steps.band[i],
         }
     }
 
+    /// What bounds it.
     #[inline(always)]
-    fn range(&self) -> [f64; 2] {
+    pub fn range(&self) -> [f64; 2] {
         let [a, b, c, d] = self.points;
         let lesser = |a: f64, b: f64| if a < b { a } else { b };
         let greater = |a: f64, b: f64| if a > b { a } else { b };
@@ -306,6 +333,7 @@ impl Arcs {
 /// What the joints do between two ends.
 fn verdict(limits: &Limits, a: &End, b: &End) -> Verdict {
     let h = b.u - a.u;
+    let steps = Steps::new(a, b);
     let (mut unclear, mut inside) = (false, 0u8);
     let mut crossings = Vec::new();
     for i in [3, 5, 1, 4, 6, 0, 2] {
@@ -313,9 +341,8 @@ fn verdict(limits: &Limits, a: &End, b: &End) -> Verdict {
         if half >= PI {
             continue;
         }
-        let (start, step) = (wrap(a.q[i] - limits.center[i]), difference(a.q[i], b.q[i]));
-        let cubic = Cubic::new(start, step, [a.rate[i], b.rate[i]], h);
-        match cubic.course(half) {
+        let start = wrap(a.q[i] - limits.center[i]);
+        match Cubic::new(start, &steps, i, a, b).course(half) {
             Course::Inside => {}
             Course::Outside => return Verdict::Dropped,
             Course::Unclear => unclear = true,
@@ -323,7 +350,7 @@ fn verdict(limits: &Limits, a: &End, b: &End) -> Verdict {
             Course::Crosses(levels, is_inside) => {
                 inside |= u8::from(is_inside) << i;
                 for level in levels.into_iter().flatten() {
-                    let u = a.u + h * ((level - start) / step).clamp(0.0, 1.0);
+                    let u = a.u + h * ((level - start) / steps.step[i]).clamp(0.0, 1.0);
                     crossings.push(Crossing { joint: i, at: level + limits.center[i], u });
                 }
             }

@@ -14,6 +14,7 @@ use crate::parallel::prelude::*;
 use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::closed_form::lanes::{Turns, all};
+use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, Solution, at};
 use crate::tolerance::{EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ROUNDING};
 
@@ -82,8 +83,9 @@ impl PandaClassArm {
     }
 
     /// Configurations over `pose` with joint 7 at `q7` (modulo turns): with `limits` those within the joint limits, in the
-    /// winding that holds them; without, all distinct ones (at most eight) in principal values. Empty when there is none
-    /// with this joint 7; [`PandaClassArm::self_motion`] tells of all.
+    /// winding that holds them; without, all distinct ones (at most eight) in principal values. Those of an arm with a defect
+    /// are polished by Newton's method at the same joint 7, here and not in the other methods. Empty when there is none with
+    /// this joint 7; [`PandaClassArm::self_motion`] tells of all.
     ///
     /// Their order is `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`: the signs of joint 2, of joint 4 from where the arm is
     /// folded, and of the side of the plane of axes 5 and 6 on which the chord from shoulder to wrist lies.
@@ -95,7 +97,9 @@ impl PandaClassArm {
         check_finite("q7", &[q7])?;
         let mut rows = [[0.0; 7]; 8];
         let mask = self.solve_into(pose, q7, limits, &mut rows);
-        Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
+        let mut rows: Vec<_> = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect();
+        polish(self.chain(), self.defect(), pose, Some(6), limits, &mut rows);
+        Ok(rows)
     }
 
     /// [`PandaClassArm::solve`] for checked input, without allocation: bit `b` of the result says that row `b` of `out` is a

@@ -9,13 +9,13 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
-use super::arcs::{End, Part};
+use super::arcs::{Cubic, End, Part, Steps};
 use super::motion::PandaMotion;
 use super::ring::Sheet;
 use crate::criterion::JointSpring;
-use crate::joint_space::{TURN, difference, nearest_within, wrap};
+use crate::joint_space::{TURN, nearest_within, wrap};
 use crate::solutions::Solution;
-use crate::tolerance::{ARC_BAND, ARC_COARSE, EDGE_ROUNDING, OPTIMUM_GAP, SCAN_RESOLVED, SLOPE_ROUNDING};
+use crate::tolerance::{EDGE_ROUNDING, OPTIMUM_GAP, SCAN_RESOLVED, SLOPE_ROUNDING};
 
 /// Most steps to a zero of the slope.
 const ROOT_STEPS: usize = 60;
@@ -121,22 +121,13 @@ impl Search<'_> {
 
     /// What no point of a part is below.
     fn bound(&self, a: &End, b: &End) -> f64 {
-        let h = b.u - a.u;
+        let steps = Steps::new(a, b);
         let mut sum = 0.0;
         for i in 0..7 {
             let JointSpring { weight, center } = self.springs[i];
-            let (start, step) = (wrap(a.q[i] - center), difference(a.q[i], b.q[i]));
-            let end = start + step;
-            let (c, d) = (start + h * a.rate[i] / 3.0, end - h * b.rate[i] / 3.0);
-            let miss = (step - 0.5 * h * (a.rate[i] + b.rate[i])).abs();
-            if miss > ARC_COARSE {
-                continue;
-            }
-            let band = ARC_BAND * miss;
-            let low = start.min(end).min(c).min(d) - band;
-            let high = start.max(end).max(c).max(d) + band;
+            let [low, high] = Cubic::new(wrap(a.q[i] - center), &steps, i, a, b).range();
             // Whatever the limits: the nearest winding may be outside of them, which makes the bound no better.
-            let off = if high - low >= TURN { 0.0 } else { low.max(-high).max(0.0) };
+            let off = if high - low < TURN { low.max(-high).max(0.0) } else { 0.0 };
             let off = if high > PI { off.min((TURN - high).max(0.0)) } else { off };
             let off = if low < -PI { off.min((TURN + low).max(0.0)) } else { off };
             sum += 0.5 * weight * off * off;

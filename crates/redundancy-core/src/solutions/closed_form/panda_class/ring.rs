@@ -24,7 +24,7 @@ use super::geometry::PandaGeometry;
 use super::target::{Places, Target};
 use crate::joint_space::TURN;
 use crate::solutions::closed_form::lanes::{Turns, all};
-use crate::tolerance::{REACH_ROUNDING, ROOM_ROUNDING, ROOT_WIDTH};
+use crate::tolerance::{ARC_BAND, ARC_BEND, REACH_ROUNDING, ROOM_ROUNDING, ROOT_WIDTH};
 
 /// Parts into which a ring is cut at first; multiples of a quarter turn are among the cuts.
 const PARTS: usize = 32;
@@ -198,7 +198,7 @@ impl Ring {
                     if b.w - a.w > ROOT_WIDTH {
                         stack.extend([[a, left], [left, middle], [middle, right], [right, b]]);
                     } else if (a.room > 0.0) != (b.room > 0.0) {
-                        roots.push(m);
+                        roots.push(self.root(g, target, a, b));
                     }
                 }
             }
@@ -249,11 +249,13 @@ enum Crossing {
     Unclear,
 }
 
-/// By the control points of the cubic through values and slopes, and a share of what it leaves of the trapezoid rule.
+/// By the control points of the cubic through values and slopes, and a share of what it leaves of the trapezoid rule and of
+/// the bend, see `arcs.rs`.
 fn crossing(a: &Sample, b: &Sample) -> Crossing {
     let h = b.w - a.w;
     let (c, d) = (a.room + h * a.slope / 3.0, b.room - h * b.slope / 3.0);
-    let band = 0.1 * (b.room - a.room - 0.5 * h * (a.slope + b.slope)).abs();
+    let (mean, bend) = (0.5 * h * (a.slope + b.slope), h * (b.slope - a.slope));
+    let band = ARC_BAND * ((b.room - a.room - mean).abs() + ARC_BEND * bend.abs());
     let least = a.room.min(b.room).min(c).min(d);
     let most = a.room.max(b.room).max(c).max(d);
     if least > band || most < -band {
