@@ -38,6 +38,7 @@ pub(super) fn not_turning(chain: &Chain) -> Option<String> {
     Some(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()))
 }
 
+#[cfg(feature = "panda-class")]
 /// The point nearest to three lines (least squares); `None` where they are parallel.
 pub(super) fn common_point(lines: &[Line]) -> Option<Vector3<f64>> {
     let first = lines.first()?.point;

@@ -8,6 +8,7 @@ mod form;
 mod gimbal;
 mod lanes;
 mod lines;
+#[cfg(feature = "panda-class")]
 pub mod panda_class;
 pub mod parallel_axes;
 mod polish;
