@@ -1,6 +1,8 @@
 //! What recognising an arm by its axes needs, whatever the closed form.
 
-use nalgebra::{Matrix3, Vector3};
+#[cfg(feature = "panda-class")]
+use nalgebra::Matrix3;
+use nalgebra::Vector3;
 
 use crate::chain::Chain;
 use crate::solutions::Line;

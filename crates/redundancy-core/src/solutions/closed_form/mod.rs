@@ -11,6 +11,7 @@ mod lines;
 #[cfg(feature = "panda-class")]
 pub mod panda_class;
 pub mod parallel_axes;
+#[cfg(feature = "panda-class")]
 mod polish;
 mod registry;
 pub mod spherical_wrist;
