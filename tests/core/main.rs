@@ -21,8 +21,11 @@ mod inverse_dynamics;
 mod joint_space;
 mod kinematics;
 mod optimum;
+#[cfg(feature = "panda-class")]
+mod panda_class;
 mod parallel;
 mod path;
+mod path_edit;
 mod plan;
 mod planning;
 mod planning_brute;
@@ -35,4 +38,5 @@ mod solutions;
 mod spray;
 mod support;
 mod task;
+mod trajectory_sample;
 mod velocity;

@@ -28,7 +28,7 @@ use crate::chain::{Chain, JointKind};
 use crate::error::{Error, Result};
 use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::path::{Event, EventKind};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::{KINEMATIC_SINGULARITY, TRACE_CLOSURE, TRACE_SHORTEST, TRACE_TURN};
 
@@ -107,7 +107,7 @@ pub fn self_motion_curves(
     seed: u64,
     starts: usize,
 ) -> Result<Vec<SelfMotionCurve>> {
-    check_pose("target", target)?;
+    let target = &checked_pose("target", target)?;
     settings.validate()?;
     check_one_freedom(chain, &task)?;
     let task = geometric(task);

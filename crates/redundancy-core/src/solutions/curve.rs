@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::joint_space::{TURN, margin, turned, turns};
 use crate::kinematics::{Corrector, Task, TaskKind};
 use crate::path::{Event, EventKind};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::{CURVE_CONTAINS, EDGE_FOUND, EDGE_WIDTH, TRACE_SHORTEST, TRACE_TURN};
 
@@ -50,7 +50,7 @@ impl SelfMotionCurve {
         ends: Vec<Event>,
     ) -> Result<Self> {
         check_one_freedom(chain, &task)?;
-        check_pose("target", target)?;
+        let target = &checked_pose("target", target)?;
         let (s, q, tangents) = rows;
         crate::error::check_finite("s", &s)?;
         if s.is_empty() || s.windows(2).any(|pair| pair[1] < pair[0]) {

@@ -6,10 +6,10 @@
 //! jerk where one is given.
 //!
 //! # Method
-//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there, unless the corner is blended.
+//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there.
 //! 2. Straight lines have the closed form of [`straight`]; other stretches are solved by two passes ([`two_pass`]) or, with
 //!    jerk limits, by a barrier method ([`jerk`]).
-//! 3. What counts is the trajectory that is returned, as its own interpolation has it: it is measured at ten places of each
+//! 3. What counts is the trajectory that is returned, as its own interpolation has it: it is measured at twenty places of each
 //!    interval. Where a limit is exceeded the limits near it are tightened and the stretch is solved again; what is left
 //!    after that is removed by slowing the whole stretch down evenly, which `stretched` reports.
 //!
@@ -33,17 +33,15 @@ use self::stretch::{NodeLimits, Stretch};
 use self::verify::Motion;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
-use crate::path::{Event, EventKind, Trajectory};
+use crate::path::{Event, EventKind, Section, Trajectory};
 use crate::tolerance::{RETIME_CORNER_RATIO, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT};
 
 /// A joint path with its times.
 #[derive(Debug, Clone)]
 pub struct Retimed {
-    /// Times, positions and velocities; corners as events.
+    /// Times, positions and velocities; with jerk limits accelerations too, without them an acceleration may jump at a
+    /// row. Stops on the way are events.
     pub trajectory: Trajectory,
-    /// Accelerations row by row, rad/s^2 or m/s^2. With jerk limits they are part of the motion; without, an acceleration
-    /// may jump at a row and this is the one after it.
-    pub qdd: Vec<f64>,
     /// Which limit binds most at each row; `None` where nothing moves.
     pub limiting: Vec<Option<Limiting>>,
     /// Rows of the trajectory that are rows of the path, one for each.
@@ -105,8 +103,13 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     });
     let names = chain.joints().iter().map(|joint| joint.name.clone()).collect();
     let events = events.collect();
-    let trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
-    Ok(Retimed { trajectory, qdd: motion.qdd, limiting, path_rows, stretched, stops })
+    let smooth = settings.jerk_limits.is_some();
+    let mut trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
+    if smooth {
+        trajectory = trajectory.with_accelerations(motion.qdd)?;
+    }
+    let sections = vec![Section::Path; trajectory.rows()];
+    Ok(Retimed { trajectory: trajectory.with_sections(sections)?, limiting, path_rows, stretched, stops })
 }
 
 /// Distance between two rows in joint space.
@@ -188,8 +191,10 @@ fn solve(
     let Some((mut motion, worst)) = best else {
         return Err(Error::Invalid("the path cannot be timed: no law was found".into()));
     };
-    if worst > 1.0 {
-        motion.slow_down(worst * (1.0 + ROUNDING));
+    // Between the places that were looked at the motion may be a little faster still.
+    let factor = worst * (1.0 + UNSEEN);
+    if factor > 1.0 {
+        motion.slow_down(factor);
     }
     Ok((motion, worst))
 }
@@ -198,8 +203,8 @@ fn solve(
 const REPAIRS: usize = 4;
 /// Excess that is left to the even slowing down: it costs as much time.
 const GOOD_ENOUGH: f64 = 2e-4;
-/// Relative rounding of a motion that was slowed down.
-const ROUNDING: f64 = 1e-12;
+/// Relative excess between the places that were looked at.
+const UNSEEN: f64 = 1e-5;
 
 fn second_order(
     stretch: &Stretch,
