@@ -23,7 +23,8 @@
 //! - C on axis 1 with `b = 0`: joint 1 is free, and 0 or the limit nearest to it is taken (the given value in `nearest`).
 //! - The stretched or folded elbow, C at the distance `|y|` from axis 1, and a wrist at its end are one branch each, not two.
 //!
-//! Known gap: within 1e-6 of a singular wrist `nearest` returns a configuration over the pose, not always the nearest one.
+//! Known gap: at and next to singular poses (wrist, stretched elbow) configurations can be missed, and `nearest` may return another
+//! one than the nearest.
 //!
 //! # References
 //! The decomposition is that of `[Hawkins2013]` for the UR arms, for axes at any angles.
