@@ -25,6 +25,7 @@ mod plan;
 mod planning;
 mod planning_brute;
 mod planning_scene;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;

@@ -24,6 +24,7 @@ mod speed;
 mod status;
 mod task;
 mod velocity;
+mod watch;
 
 #[pymodule]
 mod _core {

@@ -46,6 +46,7 @@ mod trajectory;
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
 pub use path::{Path, PathPoint};
 pub use piece::{PathPiece, Shape};
+pub(crate) use plan::broken_limits;
 pub use plan::{BlockedPoint, Pieces, Plan, PlanBuilder, Reconfiguration, SpareCoordinate};
 pub use sample::TrajectorySample;
 pub use section::Section;

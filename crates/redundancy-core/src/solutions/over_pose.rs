@@ -1,7 +1,8 @@
 //! The solutions of any arm over a pose.
 
 use super::closed_form::closed_form;
-use super::continuation::{TraceSettings, geometric};
+use super::continuation::TraceSettings;
+use super::curve::geometric;
 use super::found::{FoundPoints, TracedCurves};
 use super::solutions::Solutions;
 use crate::chain::Chain;
