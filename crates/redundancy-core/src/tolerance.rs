@@ -8,6 +8,15 @@ pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
 /// three decimals pass, matrices with a typing error do not. The same as for the norm of quaternions.
 pub const ROTATION_NEAR: f64 = 1e-3;
 
+/// Distance of every point of a path from the arm, in multiples of its reach, above which a message asks whether the path
+/// is in millimetres: a path in metres that is meant for the arm starts below one, one in millimetres a thousand times
+/// higher.
+pub const MILLIMETRE_REACHES: f64 = 20.0;
+
+/// Turns of a joint above which a message asks about degrees: 180 degrees taken for radians are 28.6 turns, which no
+/// arm's cables survive.
+pub const DEGREE_TURNS: f64 = 20.0;
+
 /// Asymmetry and negative eigenvalues of an inertia tensor, relative to its largest entry, that rounding explains.
 pub const INERTIA_ROUNDING: f64 = 1e-9;
 

@@ -15,6 +15,7 @@ mod collision;
 mod dh;
 mod extend;
 mod joint;
+mod units;
 mod windings;
 
 pub use builder::ChainBuilder;

@@ -294,6 +294,22 @@ impl PlanBuilder {
         self
     }
 
+    /// Adds to the reason, where there is one, the question about units that the path or the rows raise: millimetres where
+    /// every point is far beyond the reach of the arm, degrees where a joint is beyond twenty turns.
+    #[must_use]
+    pub fn asking_about_units(mut self, chain: &Chain, path: &Path) -> Self {
+        let positions = path.poses().iter().map(|pose| pose.translation.vector);
+        let questions =
+            [chain.ask_about_millimetres(positions), chain.ask_about_degrees(self.plan.trajectory.q())];
+        for question in questions.into_iter().flatten() {
+            if !self.plan.reason.is_empty() {
+                self.plan.reason += "; ";
+                self.plan.reason += &question;
+            }
+        }
+        self
+    }
+
     /// Whether limits, task, contact and continuity hold on the grid of the verification.
     #[must_use]
     pub fn legal(mut self, legal: bool) -> Self {

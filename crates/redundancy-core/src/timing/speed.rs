@@ -276,17 +276,20 @@ pub(crate) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEn
     if why == LineEnd::Jump {
         return Error::CannotFollow(format!("the arm would have to jump before point {k} of {total}"));
     }
+    let question = chain.ask_about_millimetres(poses.iter().map(|pose| pose.translation.vector));
+    let question = question.map_or_else(String::new, |question| format!("; {question}"));
     let far = lines::unreachable(chain, closed_form(chain).as_deref(), poses);
     if let (Some(first), Some(last)) = (far.first(), far.last()) {
         let count = far.len();
         let which = if last - first + 1 == count { format!("{first} to {last}") } else { list(&far) };
         return Error::CannotFollow(format!(
-            "{count} of {total} points are out of the workspace, indices {which}"
+            "{count} of {total} points are out of the workspace, indices {which}{question}"
         ));
     }
     let p = poses[k].translation.vector;
     Error::CannotFollow(format!(
-        "the arm cannot follow the path: point {k} of {total} at ({:.4}, {:.4}, {:.4}) is not reached on this branch",
+        "the arm cannot follow the path: point {k} of {total} at ({:.4}, {:.4}, {:.4}) is not reached on this \
+         branch{question}",
         p.x, p.y, p.z
     ))
 }

@@ -268,7 +268,8 @@ impl SwivelFlow {
         }
         let motion = self.arm.self_motion(pose)?;
         if !motion.in_reach() {
-            return Err(Error::Invalid(format!("no swivel over this pose: {}", motion.reason())));
+            let question = self.question(pose);
+            return Err(Error::Invalid(format!("no swivel over this pose: {}{question}", motion.reason())));
         }
         let here = At::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
         Ok(match self.settings.form {
@@ -321,7 +322,8 @@ impl SwivelFlow {
         let pose = path.at(at)?.pose;
         let motion = self.arm.self_motion(&pose)?;
         if !motion.in_reach() {
-            return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
+            let question = self.question(&pose);
+            return Err(Error::Invalid(format!("t = {t} s: {}{question}", motion.reason())));
         }
         let gap = before.map(|before| t - before);
         let here = At::new(self, &motion, &pose, t, run.q.last().copied().zip(gap), run.rate);
@@ -423,6 +425,12 @@ impl SwivelFlow {
             }
         }
         most
+    }
+
+    /// Asks about the unit of a pose that is far away.
+    fn question(&self, pose: &Pose) -> String {
+        let question = self.arm.chain().ask_about_millimetres([pose.translation.vector]);
+        question.map_or_else(String::new, |question| format!("; {question}"))
     }
 
     /// What went wrong on the way.

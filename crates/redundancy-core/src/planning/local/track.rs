@@ -156,7 +156,7 @@ pub fn track(
         now.iter_mut().zip(&speed).for_each(|(q, qd)| *q += settings.dt * qd);
         before.copy_from_slice(&speed);
     }
-    run.finish(&chain, settings, interrupted)
+    run.finish(&chain, path, settings, interrupted)
 }
 
 /// Number of rows along a path with times.
@@ -227,6 +227,7 @@ impl Run {
     fn finish(
         self,
         chain: &Chain,
+        path: &Path,
         settings: &TrackSettings,
         interrupted: Option<Interrupted>,
     ) -> Result<Track> {
@@ -246,6 +247,7 @@ impl Run {
         let reasons: Vec<String> = [cut, astray, broken].into_iter().flatten().collect();
         let plan = PlanBuilder::new(trajectory, status)
             .reason(reasons.join("; "))
+            .asking_about_units(chain, path)
             .legal(legal)
             .proven(status == Status::Converged)
             .s(self.s)

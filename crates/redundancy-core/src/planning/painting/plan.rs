@@ -400,7 +400,7 @@ where
         let (plan, none) = (PlanBuilder::without_rows(self.joint_names(), status)?, Vec::new);
         let plan = plan.s(none()).poses(Vec::new()).tilt(Vec::new()).spin(none()).margin(none());
         Ok(OrientationPlan {
-            plan: plan.reason(reason).blocked(blocked).build()?,
+            plan: plan.reason(reason).asking_about_units(self.chain, self.path).blocked(blocked).build()?,
             speed: 0.0,
             constant_speed: None,
             torques: Vec::new(),

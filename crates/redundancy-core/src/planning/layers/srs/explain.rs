@@ -87,6 +87,7 @@ impl Outcome {
         let mut builder =
             swivel_plan(Trajectory::new(names, t, q, None, events)?, status, line.swivel, line.branch)
                 .reason(reason)
+                .asking_about_units(chain, path)
                 .proven(proven)
                 .legal(status == Status::Converged)
                 .reconfigurations(changes)
