@@ -18,6 +18,7 @@ mod inverse_dynamics;
 mod joint_space;
 mod kinematics;
 mod optimum;
+mod panda_class;
 mod parallel;
 mod path;
 mod path_edit;

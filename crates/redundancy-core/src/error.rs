@@ -107,6 +107,12 @@ pub enum Error {
         /// Which condition fails, by how many millimetres or milliradians.
         reason: String,
     },
+    /// The chain is not a seven-joint arm with a spherical shoulder, axes 5 and 6 that meet, and an offset of axis 7.
+    #[error("not an arm of the Panda class: {reason}")]
+    NotPandaClass {
+        /// Which condition fails, by how many millimetres or milliradians.
+        reason: String,
+    },
     /// A file with a path or trajectory is broken.
     #[error("{file}: {message}")]
     File {

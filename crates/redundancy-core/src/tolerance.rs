@@ -38,6 +38,35 @@ pub const SRS_DISTANCE: f64 = 1e-4;
 /// that brings one to a wanted place lose more than two digits.
 pub const AXES_PARALLEL: f64 = 0.01;
 
+/// Defect (m, rad) of an arm above which single solutions of its closed form are polished: below it they are exact to rounding.
+pub const POLISH_DEFECT: f64 = 1e-12;
+
+/// Longest Newton step (rad) of a polish: the square root of the largest defect that is accepted.
+pub const POLISH_REACH: f64 = 0.03;
+
+/// Share of the squared length of a chord by which its component along the normal may come out negative: rounding.
+pub const ROOM_ROUNDING: f64 = 1e-13;
+
+/// `|sin u|` of a lens below which its ends' expansion is used: what it leaves out is of the order of its square.
+pub const LENS_END: f64 = 1e-4;
+
+/// Width of a part of a ring, rad, below which a zero that cannot be separated from another one is not looked for.
+pub const ROOT_WIDTH: f64 = 1e-9;
+
+/// Share of what a cubic leaves of the trapezoid rule that bounds what the cubic misses: for a frequency k the ratio is
+/// `h k / 32` on parts of length h.
+pub const ARC_BAND: f64 = 0.1;
+
+/// Share of the bend of a part (the change of the rate, times its length) that counts beside what the cubic leaves of the
+/// trapezoid rule, which is nothing where the part is symmetric.
+pub const ARC_BEND: f64 = 0.05;
+
+/// What a cubic leaves of the trapezoid rule (rad) above which it says nothing.
+pub const ARC_COARSE: f64 = 0.3;
+
+/// Length of a part of a curve (of 2 pi) at which it is not divided further.
+pub const ARC_SHORTEST: f64 = 1e-9;
+
 /// `1 - cos` of the angle (1.4e-12 rad) by which a cone may be missed at its tip: rounding of a few rotations.
 pub const CONE_ROUNDING: f64 = 1e-24;
 

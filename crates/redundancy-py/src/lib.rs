@@ -16,6 +16,7 @@ mod path;
 mod plan;
 mod planning;
 mod quaternion;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;
@@ -63,6 +64,8 @@ mod _core {
         py_pose, quaternion_conjugate, quaternion_from_axis_angle, quaternion_from_matrix,
         quaternion_product, quaternion_rotate, quaternion_to_axis_angle, quaternion_to_matrix,
     };
+    #[pymodule_export]
+    use retime::{PyRetimed, py_retime};
     #[pymodule_export]
     use rotation::{
         PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,

@@ -273,7 +273,7 @@ impl Raster {
 
     /// The raster from its end to its start: again a raster, since a corner is its own mirror image.
     pub(super) fn reversed(&self) -> Self {
-        let along = if self.strokes % 2 == 0 { self.along } else { -self.along };
+        let along = if self.strokes.is_multiple_of(2) { self.along } else { -self.along };
         let [origin, ..] = self.at(self.arc_length());
         Self { origin, along, across: -self.across, ..self.clone() }
     }

@@ -6,7 +6,7 @@
 //! jerk where one is given.
 //!
 //! # Method
-//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there, unless the corner is blended.
+//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there.
 //! 2. Straight lines have the closed form of [`straight`]; other stretches are solved by two passes ([`two_pass`]) or, with
 //!    jerk limits, by a barrier method ([`jerk`]).
 //! 3. What counts is the trajectory that is returned, as its own interpolation has it: it is measured at ten places of each
@@ -33,17 +33,15 @@ use self::stretch::{NodeLimits, Stretch};
 use self::verify::Motion;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
-use crate::path::{Event, EventKind, Trajectory};
+use crate::path::{Event, EventKind, Section, Trajectory};
 use crate::tolerance::{RETIME_CORNER_RATIO, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT};
 
 /// A joint path with its times.
 #[derive(Debug, Clone)]
 pub struct Retimed {
-    /// Times, positions and velocities; corners as events.
+    /// Times, positions and velocities; with jerk limits accelerations too, without them an acceleration may jump at a
+    /// row. Stops on the way are events.
     pub trajectory: Trajectory,
-    /// Accelerations row by row, rad/s^2 or m/s^2. With jerk limits they are part of the motion; without, an acceleration
-    /// may jump at a row and this is the one after it.
-    pub qdd: Vec<f64>,
     /// Which limit binds most at each row; `None` where nothing moves.
     pub limiting: Vec<Option<Limiting>>,
     /// Rows of the trajectory that are rows of the path, one for each.
@@ -105,8 +103,13 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     });
     let names = chain.joints().iter().map(|joint| joint.name.clone()).collect();
     let events = events.collect();
-    let trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
-    Ok(Retimed { trajectory, qdd: motion.qdd, limiting, path_rows, stretched, stops })
+    let smooth = settings.jerk_limits.is_some();
+    let mut trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
+    if smooth {
+        trajectory = trajectory.with_accelerations(motion.qdd)?;
+    }
+    let sections = vec![Section::Path; trajectory.rows()];
+    Ok(Retimed { trajectory: trajectory.with_sections(sections)?, limiting, path_rows, stretched, stops })
 }
 
 /// Distance between two rows in joint space.

@@ -22,8 +22,6 @@ pub struct RetimeSettings {
     pub at_rest: bool,
     /// Changes of direction in joint space above this angle are corners, rad.
     pub corner_angle: f64,
-    /// How far the tool may leave a corner to pass it without a stop, m; 0 stops there.
-    pub blend: f64,
     /// Rows at these intervals in place of the rows of the path, s.
     pub dt: Option<f64>,
     /// m/s^2, world axes.
@@ -31,7 +29,7 @@ pub struct RetimeSettings {
 }
 
 impl RetimeSettings {
-    /// Velocity and acceleration limits of the chain, at rest at both ends, corners stopped at.
+    /// Velocity and acceleration limits of the chain, at rest at both ends, a stop at each corner.
     pub fn of(chain: &Chain) -> Self {
         let of = |pick: fn(&crate::chain::Limits) -> f64| {
             chain.joints().iter().map(|joint| pick(&joint.limits)).collect()
@@ -44,7 +42,6 @@ impl RetimeSettings {
             tool_speed: None,
             at_rest: true,
             corner_angle: 0.02,
-            blend: 0.0,
             dt: None,
             gravity: Vector3::new(0.0, 0.0, -9.81),
         }
@@ -80,14 +77,9 @@ impl RetimeSettings {
                 return Err(Error::OutOfRange { what: what.into(), value, bound: "finite and > 0".into() });
             }
         }
-        let not_negative =
-            [("corner_angle", self.corner_angle, std::f64::consts::PI), ("blend", self.blend, f64::MAX)];
-        for (what, value, most) in not_negative {
-            if !(0.0..=most).contains(&value) {
-                let bound =
-                    if most == f64::MAX { "finite and >= 0".into() } else { format!(">= 0 and <= {most}") };
-                return Err(Error::OutOfRange { what: what.into(), value, bound });
-            }
+        if !(0.0..=std::f64::consts::PI).contains(&self.corner_angle) {
+            let (what, value) = ("corner_angle".into(), self.corner_angle);
+            return Err(Error::OutOfRange { what, value, bound: ">= 0 and <= pi".into() });
         }
         Ok(())
     }

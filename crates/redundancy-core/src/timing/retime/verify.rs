@@ -226,7 +226,7 @@ impl Motion {
     }
 
     /// Rows every `dt` and the last one; the path's own rows are the nearest ones.
-    pub fn resampled(&self, dt: f64, path_rows: &mut Vec<usize>) -> Self {
+    pub fn resampled(&self, dt: f64, path_rows: &mut [usize]) -> Self {
         let mut out = Self::new(self.n, self.smooth);
         let end = self.duration();
         let steps = (end / dt - 1e-9).ceil().max(1.0) as usize;
