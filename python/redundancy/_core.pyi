@@ -2376,6 +2376,8 @@ def retime(
         CannotFollowError: a torque limit that does not hold the arm at rest.
 
     Example:
+        >>> import numpy as np
+        >>> import redundancy as rd
         >>> arm = rd.catalog.load("panda")
         >>> move = rd.retime(arm, np.linspace(arm.lower * 0.5, arm.upper * 0.5, 50), jerk_limits=500.0)
     """

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 import redundancy as rd
@@ -74,13 +73,9 @@ def freedom(plan: rd.Plan) -> Figure:
     return figure
 
 
-def close(figure: Figure) -> None:
-    """Forget a figure."""
-    plt.close(figure)
-
-
 def _axes(count: int, title: str) -> tuple[Figure, list[Any]]:
-    figure, axes = plt.subplots(count, 1, sharex=True, figsize=(8, max(3.0, 1.2 * count)), squeeze=False)
+    figure = Figure(figsize=(8, max(3.0, 1.2 * count)))
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)
     figure.suptitle(title, fontsize=10)
     axes[-1, 0].set_xlabel("path (m)")
     figure.align_ylabels()
