@@ -102,7 +102,6 @@ fn real_arms() -> Vec<Chain> {
         urdf_arm("ur3", "base_link", "tool0"),
         urdf_arm("ur5", "base_link", "tool0"),
         urdf_arm("ur10", "base_link", "tool0"),
-        urdf_arm("z1", "link00", "link06"),
     ]
 }
 

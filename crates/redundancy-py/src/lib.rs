@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 
+mod arms;
 mod batch;
 mod chain;
 mod closed_form;
@@ -28,6 +29,8 @@ mod velocity;
 mod _core {
     use super::*;
 
+    #[pymodule_export]
+    use arms::{PyPandaClassArm, PyParallelAxesArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]

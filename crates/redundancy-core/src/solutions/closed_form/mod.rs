@@ -6,6 +6,7 @@
 
 mod form;
 mod gimbal;
+mod interval;
 mod lanes;
 mod lines;
 pub mod panda_class;

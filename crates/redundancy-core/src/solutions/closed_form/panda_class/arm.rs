@@ -254,6 +254,23 @@ impl PandaClassArm {
         self.chain().check_q(q)?;
         Ok(self.self_motion(pose)?.nearest_choice(q))
     }
+
+    /// [`PandaClassArm::nearest`] for many poses, to one `q` for all (7 numbers) or one for each (`N * 7`).
+    ///
+    /// # Errors
+    /// Wrong lengths, a pose that is not rigid or finite, an entry of `q` that is not finite.
+    pub fn nearest_batch(&self, poses: &[f64], q: &[f64]) -> Result<Vec<Option<[f64; 7]>>> {
+        let n = poses.len() / 16;
+        check_length("poses", poses, n * 16)?;
+        check_length("q", q, if q.len() == 7 { 7 } else { n * 7 })?;
+        let wish = |i: usize| if q.len() == 7 { q } else { &q[7 * i..7 * i + 7] };
+        let one = |(i, pose): (usize, &[f64; 16])| {
+            let pose = pose_from_row_major(pose).map_err(at(i))?;
+            let near = self.nearest(&pose, wish(i)).map_err(at(i))?;
+            Ok(near.and_then(|near| near.q.try_into().ok()))
+        };
+        poses.as_chunks::<16>().0.par_iter().enumerate().with_min_len(TASK).map(one).collect()
+    }
 }
 
 /// The eight rows `4 shoulder + lane`.

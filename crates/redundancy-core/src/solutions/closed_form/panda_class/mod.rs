@@ -42,6 +42,7 @@ mod arm;
 mod geometry;
 mod motion;
 mod optimum;
+mod proof;
 mod ring;
 mod solutions;
 mod target;

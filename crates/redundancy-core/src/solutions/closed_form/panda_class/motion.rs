@@ -7,6 +7,7 @@ use wide::f64x4;
 
 use super::arcs::{Arcs, Limits};
 use super::arm::PandaClassArm;
+use super::proof::Proof;
 use super::ring::{Miss, Ring, Sheet};
 use super::target::{Rows, Target};
 use crate::error::{Result, check_finite};
@@ -15,7 +16,7 @@ use crate::pose::Pose;
 use crate::solutions::closed_form::Defect;
 use crate::solutions::{check_margin, check_piece};
 use crate::status::Status;
-use crate::tolerance::SLOPE_ROUNDING;
+use crate::tolerance::{CLOSED_FORM_EXACT, SLOPE_ROUNDING};
 
 /// Every configuration over one pose: closed curves, each with a fixed sign of the shoulder.
 ///
@@ -43,6 +44,8 @@ pub struct PandaMotion {
     miss: Option<Miss>,
     /// Feasible arcs without margin, computed when first asked for.
     arcs: OnceLock<Vec<Arcs>>,
+    /// Why the verdict is not exact.
+    not_proven: OnceLock<Option<String>>,
 }
 
 /// One configuration on a curve, for both shoulders.
@@ -74,7 +77,7 @@ impl PandaMotion {
                 (sheets, miss)
             }
         };
-        Self { arm, target, sheets, miss, arcs: OnceLock::new() }
+        Self { arm, target, sheets, miss, arcs: OnceLock::new(), not_proven: OnceLock::new() }
     }
 
     /// The arm.
@@ -107,12 +110,28 @@ impl PandaMotion {
         }
     }
 
+    /// Whether status and curves say everything, see `proof.rs`: the arm is exact, the curves are proven to be all, and where none
+    /// holds its limits that is proven too.
+    pub fn proven(&self) -> bool {
+        self.not_proven().is_none()
+    }
+
     /// Why the verdict is not exact.
-    pub(super) fn not_proven(&self) -> Option<String> {
-        let Defect { position, orientation } = self.arm.defect();
-        (position.max(orientation) > crate::tolerance::CLOSED_FORM_EXACT).then(|| {
-            format!("the verdict is that of an ideal arm, {position:.1e} m and {orientation:.1e} rad away")
-        })
+    pub(super) fn not_proven(&self) -> Option<&str> {
+        let reason = self.not_proven.get_or_init(|| {
+            let Defect { position, orientation } = self.arm.defect();
+            if position.max(orientation) > CLOSED_FORM_EXACT {
+                let what = "the verdict is that of an ideal arm";
+                return Some(format!("{what}, {position:.1e} m and {orientation:.1e} rad away"));
+            }
+            let proof = Proof::new(&self.arm.inner, &self.target);
+            if !proof.curves() {
+                return Some("two curves touch, or all but do: there may be one more, or one less".into());
+            }
+            let missed = self.status() == Status::Limits && !proof.nothing_within_limits();
+            missed.then(|| "limits are all but met: an arc may have been missed".into())
+        });
+        reason.as_deref()
     }
 
     /// Number of curves.

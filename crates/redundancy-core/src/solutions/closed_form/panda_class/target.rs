@@ -25,13 +25,13 @@ pub(super) struct Target {
     /// See `mean_y`; positive.
     pub swing_y: f64,
     /// Distance of S from axis 7.
-    radius7: f64,
+    pub radius7: f64,
     /// Coordinate of W less that of S along axis 7.
-    step7: f64,
+    pub step7: f64,
     /// `x = q7 + zero7`.
     pub zero7: f64,
     /// From the frame of axis 7, turned back by x, to the frame of the base.
-    frame: Matrix3<f64>,
+    pub frame: Matrix3<f64>,
 }
 
 /// A place on the curve in each lane: the angles and what tells the two normals apart.
