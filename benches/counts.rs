@@ -11,7 +11,6 @@ use std::sync::Arc;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use redundancy_core::Pose;
 use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::criterion::{Clearance, Criterion, JointRange, Manipulability};
 use redundancy_core::ik::{IkResult, IkSettings, IkSolver};
@@ -33,6 +32,7 @@ use redundancy_core::timing::{SpeedSettings, fastest_line, max_speed};
 use redundancy_core::velocity::{
     Damping, Gain, ProjectedGradient, ReducedGradient, Resolver, SaturatedNullspace, StepInput, sigma_min,
 };
+use redundancy_core::{Pose, Watch};
 
 /// Calls in one round of a kernel, and the round.
 type Kernel = (usize, Box<dyn FnMut() + Send>);
@@ -403,7 +403,7 @@ fn plan() -> Kernel {
     let (arm, path) = (srs(), raster(200));
     let settings = SwivelPlanSettings { scene: Some(primitives()), ..SwivelPlanSettings::default() };
     let round = move || {
-        black_box(plan_swivel(&arm, black_box(&path), &settings, &mut |_| true).expect("plan"));
+        black_box(plan_swivel(&arm, black_box(&path), &settings, &Watch::default()).expect("plan"));
     };
     (1, Box::new(round))
 }

@@ -55,16 +55,16 @@ pub enum Error {
         tolerance: f64,
     },
     /// A matrix is not a rigid transform.
-    #[error("{what} is not a rigid transform: {reason} (measured {measured:e}, bound {bound:e})")]
+    #[error("{what} is not a rigid transform: {reason} is {}, it must be {bound}", plain(*measured))]
     NotRigid {
         /// What was given.
         what: String,
-        /// Which property fails.
+        /// Which property fails, and what is measured.
         reason: &'static str,
-        /// The measured deviation.
+        /// The measured value.
         measured: f64,
-        /// The accepted deviation.
-        bound: f64,
+        /// The bound in words, such as "at most 1e-3".
+        bound: String,
     },
     /// A lower limit lies above its upper limit.
     #[error("joint '{joint}': lower limit {lower} is above upper limit {upper}")]

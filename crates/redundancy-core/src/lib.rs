@@ -14,7 +14,8 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
+//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`;
+//! the root files status, error, tolerance, watch and parallel are left of everything.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
 //!
 //! # Features
@@ -57,6 +58,6 @@ mod watch;
 
 pub use error::{Error, Result};
 pub use nalgebra;
-pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
+pub use pose::{Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 pub use status::Status;
-pub use watch::{Deadline, Watch, WatchPart};
+pub use watch::{Deadline, Interrupted, Watch, WatchPart};

@@ -1,8 +1,15 @@
 //! Every numeric threshold of the crate, named, with the reason for its size.
 
-/// Largest deviation of `R^T R` from the identity (max norm) in a pose given by the caller.
-/// Single-precision matrices (6e-8 per entry) pass, matrices with a typing error do not.
+/// Largest deviation of `R^T R` from the identity (max norm) of a rotation that is used as the caller gives it.
+/// Single-precision matrices (6e-8 per entry) are.
 pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
+
+/// Largest distance (spectral norm) of a matrix from the nearest rotation, by which it is replaced: matrices printed with
+/// three decimals pass, matrices with a typing error do not. The same as for the norm of quaternions.
+pub const ROTATION_NEAR: f64 = 1e-3;
+
+/// Asymmetry and negative eigenvalues of an inertia tensor, relative to its largest entry, that rounding explains.
+pub const INERTIA_ROUNDING: f64 = 1e-9;
 
 /// Least norm of a vector that is meant as a direction: below it the rounding of the entries decides.
 pub const DIRECTION_NORM: f64 = 1e-9;
@@ -209,6 +216,15 @@ pub const REDUCTION_LIMIT: f64 = 1e6;
 /// A joint step (rad) between neighbouring points of a path above which the arm is said to jump: an eighth of a turn. A
 /// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
 pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
+
+/// Relative excess over a speed limit that rounding explains.
+pub const SPEED_ROUNDING: f64 = 1e-9;
+
+/// Distance (m) from the path beyond which a closed loop has left it: the repeatability of a large arm, ten times.
+pub const TRACK_POSITION: f64 = 1e-3;
+
+/// The same for the angle, rad: at a tool of 100 mm the same distance.
+pub const TRACK_ORIENTATION: f64 = 1e-2;
 
 /// Speed (rad/s) at which a joint without a velocity limit is timed: that of a careful industrial arm.
 pub const FREE_SPEED: f64 = 1.0;
@@ -557,6 +573,32 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Distance between two rows of a joint path (rad or m) below which they are one and the arm waits there: shorter chords
+/// have no direction.
+pub const RETIME_SAME_ROW: f64 = 1e-9;
+
+/// Time (s) between two equal rows: the shortest that any controller of arms tells apart.
+pub const RETIME_DWELL: f64 = 1e-3;
+
+/// Turn of a joint path at one row (rad) that no smooth curve is sampled with.
+pub const RETIME_SHARP_CORNER: f64 = 0.5;
+
+/// How much more than its neighbours a row must turn to be a corner: samples of a smooth curve turn alike.
+pub const RETIME_CORNER_RATIO: f64 = 3.0;
+
+/// Distance (rad or m) from a straight line in joint space within which rows are on it.
+pub const RETIME_STRAIGHT: f64 = 1e-9;
+
+/// Nodes that a stretch between two stops has at least.
+pub const RETIME_NODES: usize = 100;
+
+/// Intervals next to a rest over which the parameter goes over from the cube root of the length to the length: over many,
+/// so that the jerk changes little in the first.
+pub const RETIME_ZONE: usize = 48;
+
+/// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
+pub const RETIME_GAP: f64 = 1e-3;
 
 /// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
 /// the spot) still costs what its joints move.

@@ -8,7 +8,7 @@ use super::TURN;
 #[inline(always)]
 pub(crate) fn wrap_lanes(angles: f32x8) -> f32x8 {
     let (turn, turns) = (f32x8::splat(TURN as f32), f32x8::splat((1.0 / TURN) as f32));
-    angles - (angles * turns).round() * turn
+    angles - (angles * turns).round_ties_even() * turn
 }
 
 /// Four angles, each in `[-pi, pi]`.

@@ -13,5 +13,7 @@ mod rule;
 mod search;
 
 #[cfg(feature = "plan")]
-pub use plan::{OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation};
+pub use plan::{
+    Bottleneck, OrientationPlan, OrientationPlanSettings, SpeedBound, SpinRange, plan_orientation,
+};
 pub use rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};

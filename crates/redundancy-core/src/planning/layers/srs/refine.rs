@@ -132,7 +132,7 @@ impl Problem<'_> {
     }
 
     /// Total cost of a line whose distances from the obstacles are known.
-    fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[f64]) -> f64 {
+    pub fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[f64]) -> f64 {
         let init = || Scratch::new(self.arm.chain());
         let points: Vec<f64> = (0..q.len())
             .into_par_iter()

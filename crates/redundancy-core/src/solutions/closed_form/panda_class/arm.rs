@@ -5,17 +5,16 @@ use std::sync::Arc;
 use wide::f64x4;
 
 use super::geometry::PandaGeometry;
-use super::motion::PandaMotion;
-use super::target::{Rows, Target};
+use super::target::{Rows, Target, transpose};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::joint_space::{within, wrap_sum};
 use crate::parallel::prelude::*;
-use crate::pose::{Pose, check_pose, pose_from_row_major};
+use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::solutions::closed_form::polish::polish;
-use crate::solutions::{Defect, Solution, at};
+use crate::solutions::{Defect, at};
 use crate::tolerance::{EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ROUNDING};
 
 /// Poses that one task of the pool takes at least.
@@ -93,7 +92,7 @@ impl PandaClassArm {
     /// # Errors
     /// A pose that is not rigid or finite, a `q7` that is not finite.
     pub fn solve(&self, pose: &Pose, q7: f64, limits: bool) -> Result<Vec<[f64; 7]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         check_finite("q7", &[q7])?;
         let mut rows = [[0.0; 7]; 8];
         let mask = self.solve_into(pose, q7, limits, &mut rows);
@@ -235,56 +234,4 @@ impl PandaClassArm {
             },
         )
     }
-
-    /// Every configuration over `pose`: closed curves of joint 7.
-    ///
-    /// # Errors
-    /// A pose that is not rigid or finite.
-    pub fn self_motion(&self, pose: &Pose) -> Result<PandaMotion> {
-        check_pose("pose", pose)?;
-        Ok(PandaMotion::new(self.clone(), pose))
-    }
-
-    /// The configuration over `pose` within the limits with the least Euclidean distance to `q`, windings included;
-    /// `None` when there is none.
-    ///
-    /// # Errors
-    /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
-    pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<Solution>> {
-        self.chain().check_q(q)?;
-        Ok(self.self_motion(pose)?.nearest_choice(q))
-    }
-
-    /// [`PandaClassArm::nearest`] for many poses, to one `q` for all (7 numbers) or one for each (`N * 7`).
-    ///
-    /// # Errors
-    /// Wrong lengths, a pose that is not rigid or finite, an entry of `q` that is not finite.
-    pub fn nearest_batch(&self, poses: &[f64], q: &[f64]) -> Result<Vec<Option<[f64; 7]>>> {
-        let n = poses.len() / 16;
-        check_length("poses", poses, n * 16)?;
-        check_length("q", q, if q.len() == 7 { 7 } else { n * 7 })?;
-        let wish = |i: usize| if q.len() == 7 { q } else { &q[7 * i..7 * i + 7] };
-        let one = |(i, pose): (usize, &[f64; 16])| {
-            let pose = pose_from_row_major(pose).map_err(at(i))?;
-            let near = self.nearest(&pose, wish(i)).map_err(at(i))?;
-            Ok(near.and_then(|near| near.q.try_into().ok()))
-        };
-        poses.as_chunks::<16>().0.par_iter().enumerate().with_min_len(TASK).map(one).collect()
-    }
-}
-
-/// The eight rows `4 shoulder + lane`.
-#[inline(always)]
-pub(super) fn transpose(rows: &Rows) -> [[f64; 7]; 8] {
-    let fore = rows.fore.map(f64x4::to_array);
-    let mut out = [[0.0; 7]; 8];
-    for (s, shoulder) in rows.shoulder.iter().enumerate() {
-        let shoulder = shoulder.map(f64x4::to_array);
-        for lane in 0..4 {
-            let [a, b, c] = [0, 1, 2].map(|i| shoulder[i][lane]);
-            let [d, e, f, g] = [0, 1, 2, 3].map(|i| fore[i][lane]);
-            out[4 * s + lane] = [a, b, c, d, e, f, g];
-        }
-    }
-    out
 }

@@ -46,6 +46,7 @@ mod proof;
 mod ring;
 mod solutions;
 mod target;
+mod walk;
 
 pub use arm::PandaClassArm;
 pub use motion::PandaMotion;

@@ -52,7 +52,7 @@ impl Solutions for PandaMotion {
 
     fn label(&self, piece: usize) -> Result<String> {
         check_piece(piece, self.pieces())?;
-        Ok(format!("{}{}", if piece % 2 == 0 { '+' } else { '-' }, piece / 2 + 1))
+        Ok(format!("{}{}", if piece.is_multiple_of(2) { '+' } else { '-' }, piece / 2 + 1))
     }
 
     fn closed(&self, piece: usize) -> Result<bool> {

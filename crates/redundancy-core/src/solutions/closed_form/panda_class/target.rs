@@ -215,7 +215,7 @@ impl Target {
         let column = |j: usize| {
             let after3 = splat([g.upper[(0, j)], g.upper[(1, j)], g.upper[(2, j)]]);
             let after5 = undo_first(five, times(&g.fore, undo_third(y, after3)));
-            self.to_base(g, x, six, bent(g, after5))
+            self.in_base(g, x, six, bent(g, after5))
         };
         let (a1, a3) = (column(0), column(2));
         let gimbal = (a3[0] * a3[0] + a3[1] * a3[1]).sqrt();
@@ -235,7 +235,7 @@ impl Target {
 
     /// From the axes of joint 6, after joint 5 and before joint 6 turns, to the base.
     #[inline(always)]
-    fn to_base(&self, g: &PandaGeometry, x: Turns, six: Turns, v: Vectors) -> Vectors {
+    fn in_base(&self, g: &PandaGeometry, x: Turns, six: Turns, v: Vectors) -> Vectors {
         times(&self.frame, undo_third(x, transposed_times(&g.hand, undo_first(six, v))))
     }
 
@@ -263,9 +263,9 @@ impl Target {
         let axis7 = splat([f[(0, 2)], f[(1, 2)], f[(2, 2)]]);
         let axis6 = splat([g.hand[(0, 0)], g.hand[(0, 1)], g.hand[(0, 2)]]);
         let axis6 = times(f, undo_third(at.x, axis6));
-        let axis5 = self.to_base(g, at.x, turned.six, [cos, -sin, all(0.0)]);
+        let axis5 = self.in_base(g, at.x, turned.six, [cos, -sin, all(0.0)]);
         let axis4 = splat([g.fore[(0, 2)], g.fore[(1, 2)], g.fore[(2, 2)]]);
-        let axis4 = self.to_base(g, at.x, turned.six, bent(g, undo_first(turned.five, axis4)));
+        let axis4 = self.in_base(g, at.x, turned.six, bent(g, undo_first(turned.five, axis4)));
         let spin =
             [0, 1, 2].map(|i| -(axis7[i] * seven + axis6[i] * six + axis5[i] * five + axis4[i] * four));
         let [cos, sin] = [all(g.shoulder_triangle.cos[0]), all(g.shoulder_triangle.sin[0])];
@@ -339,4 +339,20 @@ fn shoulders(g: &PandaGeometry, a1: Vectors, a3: Vectors, gimbal: f64x4) -> [[Tu
         let third = Turns::along(row(a1), -row(a2), 0.0, [1.0, 0.0]);
         [first, second, third]
     })
+}
+
+/// The eight rows `4 shoulder + lane`.
+#[inline(always)]
+pub(super) fn transpose(rows: &Rows) -> [[f64; 7]; 8] {
+    let fore = rows.fore.map(f64x4::to_array);
+    let mut out = [[0.0; 7]; 8];
+    for (s, shoulder) in rows.shoulder.iter().enumerate() {
+        let shoulder = shoulder.map(f64x4::to_array);
+        for lane in 0..4 {
+            let [a, b, c] = [0, 1, 2].map(|i| shoulder[i][lane]);
+            let [d, e, f, g] = [0, 1, 2, 3].map(|i| fore[i][lane]);
+            out[4 * s + lane] = [a, b, c, d, e, f, g];
+        }
+    }
+    out
 }

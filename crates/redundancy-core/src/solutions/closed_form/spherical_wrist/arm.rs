@@ -34,7 +34,7 @@ use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
 use crate::joint_space::{TURN, nearest_within, opposite, outside, within, wrap, wrap_sum};
 use crate::parallel::prelude::*;
-use crate::pose::{Pose, check_pose, pose_from_row_major};
+use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::{Defect, at, signs};
 use crate::status::Status;
@@ -155,7 +155,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn solve(&self, pose: &Pose, limits: bool) -> Result<Vec<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let mut rows = [[0.0; 6]; 8];
         let mask = self.solve_into(pose, limits, &mut rows);
         Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
@@ -216,7 +216,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
     pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         self.chain().check_q(q)?;
         Ok(self.nearest_unchecked(pose, q))
     }
@@ -301,7 +301,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn configurations(&self, pose: &Pose) -> Result<Configurations> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let target = self.target(pose);
         let mut rows = [[0.0; 6]; 8];
         let reachable = self.branches(&target, self.inner.free, &mut rows);
