@@ -13,8 +13,10 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod entries;
 mod extend;
 mod joint;
+mod published;
 mod windings;
 
 pub use builder::ChainBuilder;
