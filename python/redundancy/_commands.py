@@ -107,12 +107,26 @@ def _fail(status: int, message: str) -> int:
 # What the numbers of the catalogue are taken from; the details are in docs/chain.md.
 SOURCES = {
     "dexter": ("Scienza Machinale DEXTER", "Bettini, De Luca, Oriolo 2000"),
+    "fr3": ("Franka Research 3", "franka_description 566ba44"),
+    "gen3": ("Kinova Gen3, 7 joints", "ros2_kortex 1fdbef3"),
     "iiwa14": ("KUKA LBR iiwa 14 R820", "KUKA specification; inertias of Drake's URDF"),
+    "irb2400": ("ABB IRB 2400", "ros-industrial/abb 77db19b"),
+    "kr6_r900": ("KUKA KR 6 R900 sixx", "kuka_robot_descriptions 7766e92"),
+    "openarm": ("Enactic OpenArm v1.0", "openarm_description af6f035"),
     "pa10": ("Mitsubishi PA10-7C", "Moore, Oztop 2010; Mitsubishi specification"),
     "panda": ("Franka Emika Panda", "Franka Control Interface; Gaz et al. 2019"),
     "planar3r": ("planar arm, 3 links", "Park, Chung, Youm 1996"),
     "planar4r": ("planar arm, 4 links", "Park, Chung, Youm 1996, a link added"),
     "puma560": ("Unimation PUMA 560", "Corke, Armstrong-Helouvry 1994"),
+    "rby1": ("Rainbow RB-Y1, right arm", "rby1-sdk 38df326"),
+    "rizon4": ("Flexiv Rizon 4", "flexiv_ros2 9d96a86"),
+    "sawyer": ("Rethink Robotics Sawyer", "sawyer_robot d1ef3d0"),
+    "unitree_g1": ("Unitree G1, left arm", "unitree_ros 5ae4fa5"),
+    **{
+        name: (f"Universal Robots {name.upper().replace('E', 'e')}", "Universal_Robots_ROS2_Description 2221ec0")
+        for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
+    },
+    "xarm7": ("UFACTORY xArm 7", "xarm_ros2 3654ba7"),
 }
 
 

@@ -13,6 +13,7 @@ from redundancy.status import EventKind, Kind, Status
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
 _Pose: TypeAlias = Any
 _Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+_ClosedForm: TypeAlias = "SrsArm | PandaClassArm | SphericalWristArm | ParallelAxesArm"
 
 __version__: str
 
@@ -20,6 +21,8 @@ class RedundancyError(ValueError): ...
 class DescriptionError(RedundancyError): ...
 class NotSrsError(RedundancyError): ...
 class NotSphericalWristError(RedundancyError): ...
+class NotParallelAxesError(RedundancyError): ...
+class NotPandaClassError(RedundancyError): ...
 class FileFormatError(RedundancyError): ...
 class CannotFollowError(RedundancyError): ...
 
@@ -1516,7 +1519,7 @@ class ChoiceBatch:
 
 @final
 class SolveBatch:
-    """Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s."""
+    """Result of `solve_batch` of an arm with a closed form, and of `nearest` over many poses."""
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1531,7 +1534,7 @@ class SolveBatch:
 class IkSolver:
     """From poses to configurations: any chain, joint limits held, a real tolerance.
 
-    `hybrid` uses the closed form where the arm has one (`SphericalWristArm`, `SrsArm`), else ranked starts and
+    `hybrid` uses the closed form where the arm has one (`rd.closed_form`), else ranked starts and
     Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
 
     Args:
@@ -1866,9 +1869,143 @@ class Configurations:
     def branches(self) -> NDArray[np.int8]:
         """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
 
+@final
+class ParallelAxesArm:
+    """A six-joint arm whose axes 2, 3 and 4 are parallel, and its closed-form inverse kinematics: UR3 to UR30, Z1.
+
+    The arm is recognised from its geometry alone: axes 2, 3, 4 are parallel, axes 5 and 6 meet. Base, tool, axis signs,
+    joint zeros, offsets and the other angles between the axes do not matter.
+
+    Args:
+        chain: Six turning joints.
+
+    Raises:
+        NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rows = [[0, .16, np.pi / 2, 0], [-.6, 0, 0, 0], [-.57, 0, 0, 0],
+        ...         [0, .17, np.pi / 2, 0], [0, .12, -np.pi / 2, 0], [0, .11, 0, 0]]
+        >>> arm = rd.ParallelAxesArm(rd.Chain.from_dh(rows))
+        >>> arm.solve(arm.chain.forward([0.3, -1.5, 1.2, 1.1, 0.4, 0.7])).shape
+        (8, 6)
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"parallel_axes"`."""
+    @property
+    def parameter(self) -> None:
+        """`None`: the configurations over a pose are isolated."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Upper arm and forearm, m: axis 2 to axis 3, axis 3 to axis 4."""
+    def solve(self, pose: Any, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose, `(k, 6)`, in branch order.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones, at
+                most 8, in principal values.
+
+        Returns:
+            `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. Where the last axis is along the
+            parallel ones, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
+            answers of an arm with a defect are polished by Newton's method.
+        """
+    def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
+        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration over the pose within limits with the least distance to `q`, windings included.
+
+        `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
+        `(N, 6)` and `valid` `(N,)`. Where the pose leaves joint 1 or joint 6 free it stays near `q`.
+        """
+    def branch(self, q: ArrayLike) -> Any:
+        """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
+
+        Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the point where axes 5
+        and 6 meet is in front of axis 1, looking along the parallel axes from its side of axis 1.
+        """
+
+@final
+class PandaClassArm:
+    """A seven-joint arm with a spherical shoulder whose last axis passes the wrist: Panda, FR3, xArm7, GEN72.
+
+    The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does not
+    pass that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not matter. The set of
+    configurations over a pose, curves of joint 7 with their arcs within the joint limits, is `rd.solutions(arm, pose)`.
+
+    Args:
+        chain: Seven turning joints.
+
+    Raises:
+        NotPandaClassError: Which axes are wrong and by how many mm or mrad.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.PandaClassArm(rd.catalog.load("panda"))
+        >>> pose = arm.chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])
+        >>> arm.solve(pose, q7=-0.9).shape
+        (1, 7)
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"panda_class"`."""
+    @property
+    def parameter(self) -> str:
+        """`"q7"`."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """Distances of the shoulder's and the wrist's centre from axis 4, and of the latter from axis 7, m."""
+    def solve(self, pose: Any, q7: float, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            q7: rad.
+            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
+                principal values.
+
+        Returns:
+            In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this joint
+            7. The answers of an arm with a defect are polished by Newton's method.
+        """
+    def solve_batch(
+        self, poses: Any, q7: ArrayLike, limits: bool = True, *, threads: int | None = None
+    ) -> SolveBatch:
+        """All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration over the pose within limits with the least distance to `q`, windings included.
+
+        `(7,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 7)`, a `SolveBatch` with `q`
+        `(N, 7)` and `valid` `(N,)`.
+        """
+
 # closed forms and solutions over a pose
 
-def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | SphericalWristArm | None:
+def closed_form(chain: Chain | _ClosedForm) -> _ClosedForm | None:
     """The closed form of an arm, recognised from its geometry.
 
     Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
@@ -1889,7 +2026,7 @@ def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | Spherical
     """
 
 def solutions(
-    chain: Chain | SrsArm | SphericalWristArm,
+    chain: Chain | _ClosedForm,
     pose: Any,
     freedom: None = None,
     *,

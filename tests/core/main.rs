@@ -18,7 +18,6 @@ mod inverse_dynamics;
 mod joint_space;
 mod kinematics;
 mod optimum;
-#[cfg(feature = "panda-class")]
 mod panda_class;
 mod parallel;
 mod path;

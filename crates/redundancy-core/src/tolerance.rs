@@ -57,6 +57,12 @@ pub const ROOT_WIDTH: f64 = 1e-9;
 /// `h k / 32` on parts of length h.
 pub const ARC_BAND: f64 = 0.1;
 
+/// Width (rad) below which a proof by intervals does not divide further: what is not decided there is not claimed.
+pub const PROOF_SHORTEST: f64 = 1e-7;
+
+/// What covers the rounding of a proof by intervals, rad and m^2: a thousand roundings of numbers of order 1.
+pub const PROOF_MARGIN: f64 = 1e-12;
+
 /// Share of the bend of a part (the change of the rate, times its length) that counts beside what the cubic leaves of the
 /// trapezoid rule, which is nothing where the part is symmetric.
 pub const ARC_BEND: f64 = 0.05;

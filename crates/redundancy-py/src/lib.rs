@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 
+mod arms;
 mod batch;
 mod chain;
 mod closed_form;
@@ -31,6 +32,8 @@ mod watch;
 mod _core {
     use super::*;
 
+    #[pymodule_export]
+    use arms::{PyPandaClassArm, PyParallelAxesArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]

@@ -13,9 +13,11 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod entries;
 mod extend;
 mod joint;
 mod units;
+mod published;
 mod windings;
 
 pub use builder::ChainBuilder;

@@ -424,7 +424,7 @@ impl IkSolver {
             let status = form.select(pose, q0, settings.criterion.as_deref(), &mut result.q);
             if status != Status::Converged {
                 known = Some(status);
-                result.proven = form.exact();
+                result.proven = form.proves(pose);
             } else {
                 let run = problem.run(&goal, &mut result.q, &mut memory.work, RUN, true);
                 report(result, &run, Status::Converged);

@@ -1,8 +1,6 @@
 //! What recognising an arm by its axes needs, whatever the closed form.
 
-#[cfg(feature = "panda-class")]
-use nalgebra::Matrix3;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::chain::Chain;
 use crate::solutions::Line;
@@ -40,7 +38,6 @@ pub(super) fn not_turning(chain: &Chain) -> Option<String> {
     Some(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()))
 }
 
-#[cfg(feature = "panda-class")]
 /// The point nearest to three lines (least squares); `None` where they are parallel.
 pub(super) fn common_point(lines: &[Line]) -> Option<Vector3<f64>> {
     let first = lines.first()?.point;
