@@ -3,5 +3,5 @@
 mod speed;
 
 pub use speed::{
-    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
+    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_profile, max_speed, max_speed_of_poses,
 };
