@@ -2115,6 +2115,84 @@ class MaxSpeed:
         joint_name: str,
     ) -> MaxSpeed: ...
 
+@final
+class RetimedTrajectory(Trajectory):
+    """A joint path with its times: what `retime` returns."""
+
+    def __new__(
+        cls,
+        trajectory: Trajectory,
+        limiting: Sequence[str | None],
+        path_rows: Sequence[int],
+        stops: Sequence[int],
+        stretched: float,
+    ) -> Self: ...
+    @property
+    def limiting(self) -> list[str | None]:
+        """Per row (N): the limit that it comes nearest to.
+
+        `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None where
+        nothing moves.
+        """
+    @property
+    def path_rows(self) -> list[int]:
+        """Rows of the trajectory that are rows of the path, one for each, in order; with `dt=` the rows nearest to them."""
+    @property
+    def stops(self) -> list[int]:
+        """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
+    @property
+    def stretched(self) -> float:
+        """Largest factor by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
+
+def retime(
+    chain: Chain,
+    trajectory: Trajectory | ArrayLike,
+    *,
+    tool_speed: float | None = None,
+    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
+    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    jerk_limits: ArrayLike | None = None,
+    torque_limits: ArrayLike | Literal["chain"] | None = None,
+    at_rest: bool = True,
+    corner_angle: float = 0.02,
+    dt: float | None = None,
+    gravity: ArrayLike = ...,
+) -> RetimedTrajectory:
+    """Times for a joint path: as fast as every limit allows, from rest to rest.
+
+    The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
+    is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
+    Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
+    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get rows in
+    between (`path_rows` says which are the path's own).
+
+    Args:
+        chain: the arm, `n` joints.
+        trajectory: a trajectory or plan whose times are replaced, or joint rows (N, n), rad or m.
+        tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
+        velocity_limits: (n,) rad/s or m/s, "chain" for those of the chain, None for none.
+        acceleration_limits: (n,) rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
+        jerk_limits: (n,) or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+        torque_limits: (n,) N m or N, "chain" or None; needs a chain with inertias.
+        at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
+        corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
+            turning of a smooth curve from row to row does not count.
+        dt: rows at these intervals (s) in place of the rows of the path.
+        gravity: (3,) m/s^2, base frame.
+
+    Returns:
+        The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
+
+    Raises:
+        ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with neither an
+            acceleration nor a torque limit.
+        CannotFollowError: a torque limit that does not hold the arm at rest.
+
+    Example:
+        >>> arm = rd.catalog.load("panda")
+        >>> move = rd.retime(arm, np.linspace(arm.lower * 0.5, arm.upper * 0.5, 50), jerk_limits=500.0)
+    """
+
 def max_speed(
     chain: Chain,
     path: Path,

@@ -289,7 +289,7 @@ fn nearest_and_best_are_never_worse_than_a_scan() {
                 [(&range, true), (&posture, true), (&dexterity, false), (&mixed, false)];
             let found = criteria.map(|(criterion, _)| set.best(criterion).unwrap().unwrap());
             let near = set.nearest(&wish).unwrap().unwrap();
-            let mut beaten = vec![f64::INFINITY; 5];
+            let mut beaten = [f64::INFINITY; 5];
             for piece in 0..set.pieces() {
                 for [lo, hi] in set.intervals(piece, 0.0).unwrap() {
                     for k in 0..=if hi > lo { samples } else { 0 } {

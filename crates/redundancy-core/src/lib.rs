@@ -58,6 +58,6 @@ mod watch;
 
 pub use error::{Error, Result};
 pub use nalgebra;
-pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
+pub use pose::{Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 pub use status::Status;
 pub use watch::{Deadline, Interrupted, Watch, WatchPart};

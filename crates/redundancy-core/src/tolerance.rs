@@ -1,8 +1,15 @@
 //! Every numeric threshold of the crate, named, with the reason for its size.
 
-/// Largest deviation of `R^T R` from the identity (max norm) in a pose given by the caller.
-/// Single-precision matrices (6e-8 per entry) pass, matrices with a typing error do not.
+/// Largest deviation of `R^T R` from the identity (max norm) of a rotation that is used as the caller gives it.
+/// Single-precision matrices (6e-8 per entry) are.
 pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
+
+/// Largest distance (spectral norm) of a matrix from the nearest rotation, by which it is replaced: matrices printed with
+/// three decimals pass, matrices with a typing error do not. The same as for the norm of quaternions.
+pub const ROTATION_NEAR: f64 = 1e-3;
+
+/// Asymmetry and negative eigenvalues of an inertia tensor, relative to its largest entry, that rounding explains.
+pub const INERTIA_ROUNDING: f64 = 1e-9;
 
 /// Least norm of a vector that is meant as a direction: below it the rounding of the entries decides.
 pub const DIRECTION_NORM: f64 = 1e-9;
@@ -21,6 +28,35 @@ pub const SRS_DISTANCE: f64 = 1e-4;
 /// Least angle (rad) between axes that a closed form needs to cross: nearer to parallel, their crossing point and the turn
 /// that brings one to a wanted place lose more than two digits.
 pub const AXES_PARALLEL: f64 = 0.01;
+
+/// Defect (m, rad) of an arm above which single solutions of its closed form are polished: below it they are exact to rounding.
+pub const POLISH_DEFECT: f64 = 1e-12;
+
+/// Longest Newton step (rad) of a polish: the square root of the largest defect that is accepted.
+pub const POLISH_REACH: f64 = 0.03;
+
+/// Share of the squared length of a chord by which its component along the normal may come out negative: rounding.
+pub const ROOM_ROUNDING: f64 = 1e-13;
+
+/// `|sin u|` of a lens below which its ends' expansion is used: what it leaves out is of the order of its square.
+pub const LENS_END: f64 = 1e-4;
+
+/// Width of a part of a ring, rad, below which a zero that cannot be separated from another one is not looked for.
+pub const ROOT_WIDTH: f64 = 1e-9;
+
+/// Share of what a cubic leaves of the trapezoid rule that bounds what the cubic misses: for a frequency k the ratio is
+/// `h k / 32` on parts of length h.
+pub const ARC_BAND: f64 = 0.1;
+
+/// Share of the bend of a part (the change of the rate, times its length) that counts beside what the cubic leaves of the
+/// trapezoid rule, which is nothing where the part is symmetric.
+pub const ARC_BEND: f64 = 0.05;
+
+/// What a cubic leaves of the trapezoid rule (rad) above which it says nothing.
+pub const ARC_COARSE: f64 = 0.3;
+
+/// Length of a part of a curve (of 2 pi) at which it is not divided further.
+pub const ARC_SHORTEST: f64 = 1e-9;
 
 /// `1 - cos` of the angle (1.4e-12 rad) by which a cone may be missed at its tip: rounding of a few rotations.
 pub const CONE_ROUNDING: f64 = 1e-24;
@@ -531,6 +567,32 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Distance between two rows of a joint path (rad or m) below which they are one and the arm waits there: shorter chords
+/// have no direction.
+pub const RETIME_SAME_ROW: f64 = 1e-9;
+
+/// Time (s) between two equal rows: the shortest that any controller of arms tells apart.
+pub const RETIME_DWELL: f64 = 1e-3;
+
+/// Turn of a joint path at one row (rad) that no smooth curve is sampled with.
+pub const RETIME_SHARP_CORNER: f64 = 0.5;
+
+/// How much more than its neighbours a row must turn to be a corner: samples of a smooth curve turn alike.
+pub const RETIME_CORNER_RATIO: f64 = 3.0;
+
+/// Distance (rad or m) from a straight line in joint space within which rows are on it.
+pub const RETIME_STRAIGHT: f64 = 1e-9;
+
+/// Nodes that a stretch between two stops has at least.
+pub const RETIME_NODES: usize = 100;
+
+/// Intervals next to a rest over which the parameter goes over from the cube root of the length to the length: over many,
+/// so that the jerk changes little in the first.
+pub const RETIME_ZONE: usize = 48;
+
+/// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
+pub const RETIME_GAP: f64 = 1e-3;
 
 /// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
 /// the spot) still costs what its joints move.

@@ -15,6 +15,8 @@ mod orientation_plan;
 mod path;
 mod plan;
 mod planning;
+mod quaternion;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;
@@ -57,6 +59,13 @@ mod _core {
     use plan::{PyPlan, PyToolFreedom, py_plan};
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
+    #[pymodule_export]
+    use quaternion::{
+        py_pose, quaternion_conjugate, quaternion_from_axis_angle, quaternion_from_matrix,
+        quaternion_product, quaternion_rotate, quaternion_to_axis_angle, quaternion_to_matrix,
+    };
+    #[pymodule_export]
+    use retime::{PyRetimed, py_retime};
     #[pymodule_export]
     use rotation::{
         PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,

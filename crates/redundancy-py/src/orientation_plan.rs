@@ -8,11 +8,11 @@ use redundancy_core::planning::{
 use redundancy_core::{Error, Watch};
 
 use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::to_array;
+use crate::convert::{read_rotation, to_array};
 use crate::error::to_py;
 use crate::path::PyPath;
 use crate::plan::{PyPlan, plan_initializer, plan_of};
-use crate::speed::{JointLimits, read_rotation, read_task};
+use crate::speed::{JointLimits, read_task};
 use crate::watch::watched_aside;
 
 /// A plan at constant tool speed with the orientation of each row.

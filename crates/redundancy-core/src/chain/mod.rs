@@ -13,6 +13,7 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod extend;
 mod joint;
 mod windings;
 

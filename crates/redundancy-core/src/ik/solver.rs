@@ -25,7 +25,7 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::solutions::{ClosedForm, closed_form};
 use crate::status::Status;
 use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
@@ -388,7 +388,7 @@ impl IkSolver {
         memory: &mut IkMemory,
         result: &mut IkResult,
     ) -> Result<()> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let n = self.chain().dof();
         if let Some(q0) = q0 {
             crate::error::check_vector("q0", q0, n)?;
@@ -460,7 +460,7 @@ impl IkSolver {
     /// # Errors
     /// As [`IkSolver::solve`].
     pub fn trace(&self, pose: &Pose, q0: &[f64]) -> Result<IkTrace> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let Inner { chain, settings, .. } = &*self.inner;
         crate::error::check_vector("q0", q0, chain.dof())?;
         let limits = chain.lower().iter().zip(chain.upper());

@@ -24,7 +24,7 @@ mod lanes;
 mod limits;
 mod wrap;
 
-pub(crate) use lanes::wrap_lanes;
+pub(crate) use lanes::{wrap_four, wrap_lanes};
 pub use limits::{
     Span, holds, margin, nearest_span, nearest_within, outside, shift_within, turns_within, wind_into,
     windings, within,

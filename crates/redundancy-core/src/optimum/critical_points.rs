@@ -16,7 +16,7 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, Stationarity};
 use crate::error::{Error, Result};
 use crate::kinematics::{Corrector, Task};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::solutions::{SelfMotionCurve, TraceSettings, random_configurations, self_motion_curves};
 use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE, TRACE_ONE_STEP};
 
@@ -79,7 +79,7 @@ pub fn constrained_optima(
     task: Task,
     settings: &OptimaSettings,
 ) -> Result<Vec<CriticalPoint>> {
-    check_pose("target", target)?;
+    let target = &checked_pose("target", target)?;
     if settings.starts > MOST_STARTS {
         let (what, value) = ("starts".into(), settings.starts as f64);
         return Err(Error::OutOfRange { what, value, bound: format!("<= {MOST_STARTS}") });

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::section::Section;
 use super::timing::differences;
 use crate::error::{Error, Result, check_finite, check_length};
 
@@ -123,6 +124,8 @@ pub struct Trajectory {
     t: Vec<f64>,
     q: Vec<f64>,
     qd: Vec<f64>,
+    qdd: Option<Vec<f64>>,
+    sections: Option<Vec<Section>>,
     events: Vec<Event>,
 }
 
@@ -190,7 +193,30 @@ impl Trajectory {
                 )));
             }
         }
-        Ok(Self { joint_names, t, q, qd, events })
+        Ok(Self { joint_names, t, q, qd, qdd: None, sections: None, events })
+    }
+
+    /// The same rows with their accelerations, one entry per joint: between rows the motion is then a quintic polynomial,
+    /// see [`sample`](Self::sample).
+    ///
+    /// # Errors
+    /// A length that does not match, numbers that are not finite.
+    pub fn with_accelerations(self, qdd: Vec<f64>) -> Result<Self> {
+        check_length("qdd", &qdd, self.q.len())?;
+        check_finite("qdd", &qdd)?;
+        Ok(Self { qdd: Some(qdd), ..self })
+    }
+
+    /// The same rows, each with the part of the motion to which it belongs.
+    ///
+    /// # Errors
+    /// Not one section per row.
+    pub fn with_sections(self, sections: Vec<Section>) -> Result<Self> {
+        let (expected, actual) = (self.rows(), sections.len());
+        if expected != actual {
+            return Err(Error::Length { what: "section".into(), expected, actual });
+        }
+        Ok(Self { sections: Some(sections), ..self })
     }
 
     /// The joints' names, base to tip.
@@ -221,6 +247,16 @@ impl Trajectory {
     /// Joint velocities row by row, rad/s or m/s.
     pub fn qd(&self) -> &[f64] {
         &self.qd
+    }
+
+    /// Joint accelerations row by row, rad/s^2 or m/s^2, where the trajectory carries them.
+    pub fn qdd(&self) -> Option<&[f64]> {
+        self.qdd.as_deref()
+    }
+
+    /// The part of the motion to which each row belongs, where the trajectory says so.
+    pub fn sections(&self) -> Option<&[Section]> {
+        self.sections.as_deref()
     }
 
     /// Joint positions at one instant; empty past the end.

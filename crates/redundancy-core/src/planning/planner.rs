@@ -8,8 +8,6 @@
 //! 3. **Refinement** of each line on more points, of the best ones on all of them, to a local optimum ([`refine`]).
 //! 4. **Verification** of what is returned.
 
-use rayon::prelude::*;
-
 use super::demand::{Demand, Objective, PlanSettings};
 use super::fill::fill;
 use super::nodes::Nodes;
@@ -17,6 +15,7 @@ use super::refine::{Goal, Refined, Refinement, refine};
 use super::search::{Line, Search};
 use crate::chain::Chain;
 use crate::error::Result;
+use crate::parallel::prelude::*;
 use crate::path::{Path, Plan, PlanBuilder, TimingSettings, Trajectory, times_within_limits};
 use crate::status::Status;
 use crate::tolerance::FREE_SPEED;

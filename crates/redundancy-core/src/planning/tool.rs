@@ -147,16 +147,6 @@ impl ToolTask {
         self.orientation != OrientationRows::Open || self.bounds() > 0
     }
 
-    /// Largest angle of the tool axis, where that is an inequality.
-    pub fn cone(&self) -> Option<f64> {
-        self.cone
-    }
-
-    /// Largest twist, where that is an inequality.
-    pub fn spin(&self) -> Option<f64> {
-        self.spin
-    }
-
     /// A point of the path, prepared.
     pub fn target(&self, pose: &Pose) -> Target {
         Target {

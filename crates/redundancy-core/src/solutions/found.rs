@@ -6,7 +6,8 @@
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-use super::continuation::{SelfMotionCurve, TraceSettings, random_configurations, traced_curves};
+use super::continuation::{TraceSettings, random_configurations, traced_curves};
+use super::curve::SelfMotionCurve;
 use super::lines::reach;
 use super::search;
 use super::solutions::{Solution, Solutions, check_margin, check_piece};
@@ -19,7 +20,7 @@ use crate::pose::Pose;
 use crate::status::Status;
 use crate::tolerance::SAME_LINE;
 
-/// Length of the steps in which the curves are searched for the least violation of a limit, for the message.
+/// Halvings of the step in which a curve is searched for the least violation of a limit, for the message.
 const REASON_ROUNDS: usize = 40;
 
 /// What a search was told and whether the pose can be too far away.

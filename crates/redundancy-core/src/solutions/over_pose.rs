@@ -1,13 +1,14 @@
 //! The solutions of any arm over a pose.
 
 use super::closed_form::closed_form;
-use super::continuation::{TraceSettings, geometric};
+use super::continuation::TraceSettings;
+use super::curve::geometric;
 use super::found::{FoundPoints, TracedCurves};
 use super::solutions::Solutions;
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 
 /// Settings of [`solutions`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +50,7 @@ impl Default for SolutionsSettings {
 /// A pose that is not rigid or finite, invalid trace settings, no start; an arm with fewer joints than the task has
 /// coordinates, or with two and more joints beyond them (a set of more than one dimension).
 pub fn solutions(chain: &Chain, pose: &Pose, settings: &SolutionsSettings) -> Result<Box<dyn Solutions>> {
-    check_pose("pose", pose)?;
+    let pose = &checked_pose("pose", pose)?;
     settings.trace.validate()?;
     let SolutionsSettings { seed, starts, .. } = *settings;
     if starts == 0 {

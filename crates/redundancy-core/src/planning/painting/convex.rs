@@ -58,7 +58,10 @@ impl SplineSamples {
 }
 
 /// A spline of parameters at a place.
-pub(super) fn spline_at<const M: usize>(local: &LocalBasis, coefficients: &[SVector<f64, M>]) -> Parameters<M> {
+pub(super) fn spline_at<const M: usize>(
+    local: &LocalBasis,
+    coefficients: &[SVector<f64, M>],
+) -> Parameters<M> {
     let mut out = [[0.0; M]; 3];
     for (row, values) in out.iter_mut().zip(&local.values) {
         for (j, b) in values.iter().enumerate() {
@@ -218,7 +221,11 @@ where
             let (rows, t) = (&mut state.rows, &mut state.t);
             rows_of(bounds, &motion, |kind, value| {
                 *t = t.max(value);
-                rows.push(BoundRow { sample: k, value, gradient: gradient(kind, value, bounds, &motion, &by) });
+                rows.push(BoundRow {
+                    sample: k,
+                    value,
+                    gradient: gradient(kind, value, bounds, &motion, &by),
+                });
             })?;
             state.q.push(motion.q);
             state.by_u.push(by.q);

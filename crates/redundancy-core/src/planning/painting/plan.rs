@@ -112,7 +112,8 @@ where
     }
 
     fn run(self) -> Result<OrientationPlan> {
-        let mut grid = SplineSamples::new(&self.curve, self.intervals(LEVELS[0].per_metre), LEVELS[0].samples);
+        let mut grid =
+            SplineSamples::new(&self.curve, self.intervals(LEVELS[0].per_metre), LEVELS[0].samples);
         let mut candidates = self.starts(&grid);
         let starts = candidates.len();
         if candidates.is_empty() {
@@ -269,7 +270,13 @@ where
     }
 
     /// Up to `steps` convex steps for each candidate, best first afterwards; true when every one came to its end.
-    fn improve(&self, grid: &SplineSamples, candidates: &mut [PlanCandidate<N, M>], steps: usize, share: f64) -> bool {
+    fn improve(
+        &self,
+        grid: &SplineSamples,
+        candidates: &mut [PlanCandidate<N, M>],
+        steps: usize,
+        share: f64,
+    ) -> bool {
         candidates.par_iter_mut().with_max_len(1).for_each(|candidate| {
             let arm = self.arm(&candidate.spare);
             let mut work = Workspace::new(self.chain);
@@ -292,7 +299,12 @@ where
     }
 
     /// The same functions on another basis.
-    fn refine(&self, from: &SplineSamples, to: &SplineSamples, candidate: &PlanCandidate<N, M>) -> Option<PlanCandidate<N, M>> {
+    fn refine(
+        &self,
+        from: &SplineSamples,
+        to: &SplineSamples,
+        candidate: &PlanCandidate<N, M>,
+    ) -> Option<PlanCandidate<N, M>> {
         let sites = to.basis.greville();
         let values: Vec<SVector<f64, M>> = sites
             .iter()

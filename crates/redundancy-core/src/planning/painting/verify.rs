@@ -22,7 +22,12 @@ impl<'a, const N: usize, const M: usize> OrientationPlanner<'a, N, M>
 where
     Const<N>: Size,
 {
-    pub(super) fn keep_best(&self, basis: &QuinticBasis, candidates: &[PlanCandidate<N, M>], best: &mut Option<Verified>) {
+    pub(super) fn keep_best(
+        &self,
+        basis: &QuinticBasis,
+        candidates: &[PlanCandidate<N, M>],
+        best: &mut Option<Verified>,
+    ) {
         for candidate in candidates {
             if let Some(found) = self.verify(basis, candidate)
                 && best.as_ref().is_none_or(|b| found.t < b.t)

@@ -201,7 +201,7 @@ fn cholesky(a: &mut [f64], r: usize, floor: f64) -> bool {
                 sum -= a[i * r + m] * a[j * r + m];
             }
             if i == j {
-                if !(sum > floor) {
+                if sum.is_nan() || sum <= floor {
                     return false;
                 }
                 a[i * r + i] = sum.sqrt();

@@ -18,27 +18,12 @@ pub(super) struct Turns {
 }
 
 impl Turns {
-    /// The same angle in every lane.
-    #[inline(always)]
-    pub fn all(cos: f64, sin: f64) -> Self {
-        Self { cos: all(cos), sin: all(sin) }
-    }
-
     /// Directions of the vectors `(x, y)`; that of `other` where their length is not above `least`.
     #[inline(always)]
     pub fn along(x: f64x4, y: f64x4, least: f64, other: [f64; 2]) -> Self {
         let length = (x * x + y * y).sqrt();
         let known = length.simd_gt(all(least));
         Self { cos: known.select(x / length, all(other[0])), sin: known.select(y / length, all(other[1])) }
-    }
-
-    /// Sums of angles.
-    #[inline(always)]
-    pub fn plus(self, other: Self) -> Self {
-        Self {
-            cos: self.cos * other.cos - self.sin * other.sin,
-            sin: self.sin * other.cos + self.cos * other.sin,
-        }
     }
 
     /// Angles of the other sign.
@@ -118,11 +103,4 @@ impl Triangle {
         let cos = inside.select(exact, exact.fast_min(one).fast_max(-one));
         (Turns { cos, sin: (u * v).sqrt() * (scale + scale) }, miss)
     }
-}
-
-/// Angles of any size brought into `[-pi, pi]`.
-#[inline(always)]
-pub(super) fn wrapped_lanes(angle: f64x4) -> f64x4 {
-    use std::f64::consts::TAU;
-    angle - all(TAU) * (angle * all(1.0 / TAU)).round()
 }

@@ -5,9 +5,12 @@
 //! through it and sees a new form at once.
 
 mod form;
+mod gimbal;
 mod lanes;
 mod lines;
+pub mod panda_class;
 pub mod parallel_axes;
+mod polish;
 mod registry;
 pub mod spherical_wrist;
 pub mod srs;

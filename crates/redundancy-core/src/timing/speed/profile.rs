@@ -138,7 +138,7 @@ const VERTEX_STEPS: usize = 64;
 ///
 /// For fixed x the rows leave `u` an interval `[lo(x), hi(x)]`; `hi - lo` is concave and piecewise linear. Newton's method
 /// on it goes from vertex to vertex: from outside it never steps over the end of the feasible part.
-fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<f64> {
+pub(in crate::timing) fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<f64> {
     // Bounds without u.
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for [a, b, c] in rows {

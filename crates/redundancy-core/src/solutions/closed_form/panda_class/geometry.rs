@@ -1,11 +1,15 @@
 //! Recognising an arm of the Panda class from its axes alone.
 //!
-//! At `q = 0` the seven joint axes are lines in space. The arm is of this class when axes 1, 2, 3 meet in a point S, axes 5
-//! and 6 in a point W, and neither S nor W is on axis 4, nor W on axis 7 (such an arm is S-R-S). Everything else is free:
-//! the angles between the axes (but 1 and 2, 2 and 3, 5 and 6 are not parallel), the offsets of axis 4 from axes 3 and 5, the
-//! place of axis 7 against axis 6, which way the axes point and where the joints have their zeros. Angles that a
-//! description rounds (1.5708 for a right angle) are therefore used as they are; points of meeting that rounding takes apart
-//! are idealised, and the bound on what that costs is the [`Defect`].
+//! At `q = 0` the seven joint axes are lines in space. The arm is of this class when axes 1, 2, 3 meet in a point S at right
+//! angles, axes 5 and 6 in a point W, and neither S nor W is on axis 4, nor W on axis 7 (such an arm is S-R-S). Everything else
+//! is free: the other angles between the axes (but 5 and 6 are not parallel), the offsets of axis 4 from axes 3 and 5, the place
+//! of axis 7 against axis 6, which way the axes point and where the joints have their zeros.
+//!
+//! Angles that a description rounds (1.5708 for a right angle) are used as they are. Points of meeting that rounding takes
+//! apart are idealised, and directions of axis 3 that a rounded shoulder cannot take, next to its gimbal, are replaced by the
+//! nearest: the bound on what that costs is the [`Defect`].
+
+use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::solutions::closed_form::lanes::Triangle;
 use crate::solutions::closed_form::lines::{angle_between, angle_of, common_point, meeting, not_turning};
 use crate::solutions::{Defect, Line, distance_to_line, orthonormal};
-use crate::tolerance::{AXES_PARALLEL, SRS_DISTANCE, SRS_ELBOW_RADIUS};
+use crate::tolerance::{AXES_PARALLEL, SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS, UNIT_AXIS};
 
 /// The ideal arm. All constants are those of `q = 0`.
 #[derive(Debug, Clone)]
@@ -66,7 +70,7 @@ impl PandaGeometry {
         }
         let (lines, home) = Line::axes(chain)?;
         let [z1, z2, z3, z4, z5, z6, z7] = std::array::from_fn(|i| lines[i].direction);
-        let (shoulder, center, defect) = centres(&lines)?;
+        let (shoulder, center, defect) = centres(&lines, &home.translation.vector)?;
         let [from4, from7] = [3, 6].map(|i| lever(&lines[i], &center));
         let to4 = lever(&lines[3], &shoulder);
         for (what, axis, radius) in [("shoulder", 4, to4.norm()), ("wrist", 4, from4.norm())] {
@@ -116,8 +120,15 @@ impl PandaGeometry {
     }
 }
 
-/// S and W, and what it costs to let the axes meet in them.
-fn centres(lines: &[Line]) -> Result<(Vector3<f64>, Vector3<f64>, Defect)> {
+/// S and W, and what it costs to let the axes meet in them; `tool` is the tool at `q = 0`.
+fn centres(lines: &[Line], tool: &Vector3<f64>) -> Result<(Vector3<f64>, Vector3<f64>, Defect)> {
+    for (i, j) in [(0, 1), (1, 2)] {
+        let off = (0.5 * PI - angle_between(&lines[i].direction, &lines[j].direction)).abs();
+        if off > SRS_ANGLE {
+            let (i, j, off) = (i + 1, j + 1, 1e3 * off);
+            return not_panda(format!("axes {i} and {j} are {off:.3} mrad away from a right angle"));
+        }
+    }
     for (i, j) in [(0, 1), (1, 2), (4, 5)] {
         let apart = angle_between(&lines[i].direction, &lines[j].direction);
         if apart < AXES_PARALLEL {
@@ -140,7 +151,13 @@ fn centres(lines: &[Line]) -> Result<(Vector3<f64>, Vector3<f64>, Defect)> {
     };
     let (center, gap) = meeting(&lines[4], &lines[5]);
     let misses: f64 = lines[..3].iter().map(|line| distance_to_line(&shoulder, line)).sum();
-    Ok((shoulder, center, Defect { position: misses + gap, orientation: 0.0 }))
+    // Directions of axis 3 that the angles of the shoulder leave out, in the gimbal: nothing for right angles.
+    let angle = |i: usize, j: usize| angle_of(&lines[i].direction, &lines[j].direction);
+    let (a, b) = (angle(0, 1), angle(1, 2));
+    let orientation = (a - b).abs() + (PI - a - b).abs();
+    let orientation = if orientation > UNIT_AXIS { orientation } else { 0.0 };
+    let reach = (center - shoulder).norm() + (tool - center).norm();
+    Ok((shoulder, center, Defect { position: misses + gap + orientation * reach, orientation }))
 }
 
 /// From a line to a point, perpendicular to the line.

@@ -5,8 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 use wide::f64x4;
 
 use super::geometry::PandaGeometry;
+use crate::joint_space::wrap_four;
 use crate::pose::Pose;
-use crate::solutions::closed_form::lanes::{Turns, all, wrapped_lanes};
+use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::tolerance::{GIMBAL_SINE, LENS_END};
 
 /// A vector in each lane.
@@ -169,11 +170,7 @@ impl Target {
         let (r, w) = (all(g.radii[0]), all(g.radii[1]));
         let radius7 = all(self.radius7);
         let arm = times(&g.fore, [w - r * y.cos, r * y.sin, all(g.step4)]);
-        let hand = times(&g.hand, [
-            all(g.offset7) - radius7 * x.cos,
-            -radius7 * x.sin,
-            all(self.step7),
-        ]);
+        let hand = times(&g.hand, [all(g.offset7) - radius7 * x.cos, -radius7 * x.sin, all(self.step7)]);
         let [cos, sin] = g.bend;
         let across = (hand[0] - all(cos) * arm[0]) * all(1.0 / sin);
         let squared = all(self.mean_x) - all(self.swing_x) * x.cos;
@@ -199,7 +196,14 @@ impl Target {
 
     /// The configurations of a chord whose component along the normal is `normal`, and the turns that they are made of.
     #[inline(always)]
-    pub fn rows(&self, g: &PandaGeometry, x: Turns, y: Turns, chord: &Chord, normal: f64x4) -> (Rows, Turned) {
+    pub fn rows(
+        &self,
+        g: &PandaGeometry,
+        x: Turns,
+        y: Turns,
+        chord: &Chord,
+        normal: f64x4,
+    ) -> (Rows, Turned) {
         let none = [1.0, 0.0];
         let [cos, sin] = g.bend.map(all);
         let (c, v) = (chord.across, chord.arm);
@@ -211,19 +215,19 @@ impl Target {
         let column = |j: usize| {
             let after3 = splat([g.upper[(0, j)], g.upper[(1, j)], g.upper[(2, j)]]);
             let after5 = undo_first(five, times(&g.fore, undo_third(y, after3)));
-            self.to_base(g, x, six, bent(g, after5))
+            self.in_base(g, x, six, bent(g, after5))
         };
         let (a1, a3) = (column(0), column(2));
         let gimbal = (a3[0] * a3[0] + a3[1] * a3[1]).sqrt();
         let shoulders = shoulders(g, a1, a3, gimbal);
         let fore = [
-            wrapped_lanes(y.angles() - all(g.zero4)),
+            wrap_four(y.angles() - all(g.zero4)),
             five.angles(),
             six.angles(),
-            wrapped_lanes(x.angles() - all(self.zero7)),
+            wrap_four(x.angles() - all(self.zero7)),
         ];
         let shoulder = shoulders.map(|[first, second, third]| {
-            [first.angles(), wrapped_lanes(second.angles() - all(g.zero2)), third.angles()]
+            [first.angles(), wrap_four(second.angles() - all(g.zero2)), third.angles()]
         });
         let rows = Rows { fore, shoulder, gimbal, room: chord.room, squared: chord.squared };
         (rows, Turned { five, six, axis3: a3, shoulders })
@@ -231,7 +235,7 @@ impl Target {
 
     /// From the axes of joint 6, after joint 5 and before joint 6 turns, to the base.
     #[inline(always)]
-    fn to_base(&self, g: &PandaGeometry, x: Turns, six: Turns, v: Vectors) -> Vectors {
+    fn in_base(&self, g: &PandaGeometry, x: Turns, six: Turns, v: Vectors) -> Vectors {
         times(&self.frame, undo_third(x, transposed_times(&g.hand, undo_first(six, v))))
     }
 
@@ -247,8 +251,8 @@ impl Target {
         let pace = at.half * at.sine;
         let (arm, hand) = (rates.arm.map(|x| x * pace), rates.hand.map(|x| x * pace));
         let across = rates.across * pace;
-        let five =
-            turning(chord.arm[1], chord.arm[2], arm[1], arm[2]) - turning(chord.across, normal, across, slope);
+        let five = turning(chord.arm[1], chord.arm[2], arm[1], arm[2])
+            - turning(chord.across, normal, across, slope);
         let c = cos * chord.across - sin * chord.arm[0];
         let d = cos * across - sin * arm[0];
         let six = turning(c, normal, d, slope) - turning(chord.hand[1], chord.hand[2], hand[1], hand[2]);
@@ -259,9 +263,9 @@ impl Target {
         let axis7 = splat([f[(0, 2)], f[(1, 2)], f[(2, 2)]]);
         let axis6 = splat([g.hand[(0, 0)], g.hand[(0, 1)], g.hand[(0, 2)]]);
         let axis6 = times(f, undo_third(at.x, axis6));
-        let axis5 = self.to_base(g, at.x, turned.six, [cos, -sin, all(0.0)]);
+        let axis5 = self.in_base(g, at.x, turned.six, [cos, -sin, all(0.0)]);
         let axis4 = splat([g.fore[(0, 2)], g.fore[(1, 2)], g.fore[(2, 2)]]);
-        let axis4 = self.to_base(g, at.x, turned.six, bent(g, undo_first(turned.five, axis4)));
+        let axis4 = self.in_base(g, at.x, turned.six, bent(g, undo_first(turned.five, axis4)));
         let spin =
             [0, 1, 2].map(|i| -(axis7[i] * seven + axis6[i] * six + axis5[i] * five + axis4[i] * four));
         let [cos, sin] = [all(g.shoulder_triangle.cos[0]), all(g.shoulder_triangle.sin[0])];
@@ -271,7 +275,8 @@ impl Target {
             let axis2 = [first.sin * sin, -first.cos * sin, cos];
             let normal = cross(axis2, axis3);
             let least = all(f64::MIN_POSITIVE);
-            let volume = normal[2].simd_lt(all(0.0)).select(normal[2].fast_min(-least), normal[2].fast_max(least));
+            let volume =
+                normal[2].simd_lt(all(0.0)).select(normal[2].fast_min(-least), normal[2].fast_max(least));
             [
                 dot(spin, normal) / volume,
                 (spin[0] * axis3[1] - spin[1] * axis3[0]) / volume,
@@ -324,12 +329,8 @@ fn shoulders(g: &PandaGeometry, a1: Vectors, a3: Vectors, gimbal: f64x4) -> [[Tu
         let second = Turns { cos: -angle.cos, sin: sine };
         let (x, y) = (sine * sin2, angle.cos * sin2);
         let y = cos1 * y - sin1 * cos2;
-        let first = Turns::along(
-            a3[0] * x + a3[1] * y,
-            a3[1] * x - a3[0] * y,
-            GIMBAL_SINE * GIMBAL_SINE,
-            [1.0, 0.0],
-        );
+        let first =
+            Turns::along(a3[0] * x + a3[1] * y, a3[1] * x - a3[0] * y, GIMBAL_SINE * GIMBAL_SINE, [1.0, 0.0]);
         // The first row of what is left for joint 3.
         let row = |v: Vectors| {
             let [x, y] = first.undo(v[0], v[1]);

@@ -26,7 +26,6 @@
 //! # References
 //! The decomposition is that of `[Hawkins2013]` for the UR arms, for axes at any angles.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Complex, Matrix3, Vector3};
@@ -35,10 +34,11 @@ use wide::f64x4;
 use super::geometry::ParallelGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
-use crate::joint_space::{nearest_within, outside, within, wrap, wrap_sum};
+use crate::joint_space::{TURN, nearest_within, outside, within, wrap, wrap_four, wrap_sum};
 use crate::parallel::prelude::*;
-use crate::pose::{Pose, check_pose, pose_from_row_major};
-use crate::solutions::closed_form::lanes::{Turns, all, wrapped_lanes};
+use crate::pose::{Pose, checked_pose, pose_from_row_major};
+use crate::solutions::closed_form::lanes::{Turns, all};
+use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, at, signs};
 use crate::tolerance::{
     GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
@@ -178,16 +178,19 @@ impl ParallelAxesArm {
     }
 
     /// Configurations over `pose`, in branch order: with `limits` those within the joint limits, in the winding that
-    /// holds them; without, all distinct ones (up to eight) in principal values. Empty when there is none:
+    /// holds them; without, all distinct ones (up to eight) in principal values. Those of an arm with a defect are polished by
+    /// Newton's method, here and not in the other methods. Empty when there is none:
     /// [`ParallelAxesArm::configurations`](ParallelAxesArm::configurations) says why.
     ///
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn solve(&self, pose: &Pose, limits: bool) -> Result<Vec<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let mut rows = [[0.0; 6]; 8];
         let mask = self.solve_into(pose, limits, &mut rows);
-        Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
+        let mut rows: Vec<_> = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect();
+        polish(self.chain(), self.defect(), pose, None, limits, &mut rows);
+        Ok(rows)
     }
 
     /// [`ParallelAxesArm::solve`] for checked input, without allocation: bit `b` of the result says that row `b` of
@@ -235,7 +238,7 @@ impl ParallelAxesArm {
     /// # Errors
     /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
     pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         self.chain().check_q(q)?;
         Ok(self.nearest_unchecked(pose, q))
     }
@@ -417,12 +420,12 @@ impl ParallelAxesArm {
         let miss = excess.fast_max(zero).to_array().into_iter().fold(f64::INFINITY, f64::min) + base.miss;
 
         let (one, six) = (base.turn.angles().to_array(), wrist.hand.angles().to_array());
-        let five = wrapped_lanes(all(g.zero5) - wrist.middle.angles()).to_array();
+        let five = wrap_four(all(g.zero5) - wrist.middle.angles()).to_array();
         let (total, bend, folded) = (wrist.total.angles(), elbow.angles(), all(g.bend_home));
         for (e, (upper, bend)) in upper.into_iter().zip([bend, -bend]).enumerate() {
             let second = upper.angles();
-            let third = wrapped_lanes(bend - folded);
-            let fourth = wrapped_lanes(total - second - third);
+            let third = wrap_four(bend - folded);
+            let fourth = wrap_four(total - second - third);
             let [second, third, fourth] = [second, third, fourth].map(f64x4::to_array);
             for lane in 0..4 {
                 let [s2, s3, s4] = g.sign;
@@ -486,7 +489,7 @@ impl ParallelAxesArm {
         let Inner { lower, upper, .. } = &*self.inner;
         let plain = *rows;
         let mut mask = if limits { self.mask_limits(found.mask, rows) } else { found.mask };
-        let grid = (0..SINGULAR_WRIST).map(|k| wish + TAU * (k as f64 / SINGULAR_WRIST as f64 - 0.5));
+        let grid = (0..SINGULAR_WRIST).map(|k| wish + TURN * (k as f64 / SINGULAR_WRIST as f64 - 0.5));
         let ends = [wish, lower[5], upper[5]].into_iter().chain(self.stretched(target, free));
         let mut tries: Vec<f64> = grid
             .chain(ends)
@@ -568,7 +571,7 @@ impl ParallelAxesArm {
         let angles = Turns::along((x * x + y * y).sqrt(), z, 0.0, [1.0, 0.0]);
         let angles = angles.cos.atan2(angles.sin).to_array();
         let [a, b] = [0, 1].map(|i| g.wrist.sin[i].atan2(g.wrist.cos[i]));
-        let (least, most) = ((a - b).abs(), (a + b).min(TAU - a - b));
+        let (least, most) = ((a - b).abs(), (a + b).min(TURN - a - b));
         let turn = angles.iter().map(|c| (least - c).max(c - most)).fold(f64::INFINITY, f64::min);
         if base.miss == 0.0 && turn > 0.0 {
             let what = "joint 5 would have to turn axis 6 farther against axes 2 to 4 than it can, by";
@@ -626,7 +629,7 @@ fn lane_of(branch: usize) -> usize {
 #[inline(always)]
 fn spread(bits: u32) -> u8 {
     let [a, b, c, d] = [0, 1, 2, 3].map(|lane| bits >> lane & 1);
-    (a * 0b0101 | b * 0b1010 | c * 0b0101_0000 | d * 0b1010_0000) as u8
+    ((a * 0b0101) | (b * 0b1010) | (c * 0b0101_0000) | (d * 0b1010_0000)) as u8
 }
 
 /// Rows that are no repeats: a wrist at its end is one, not two.

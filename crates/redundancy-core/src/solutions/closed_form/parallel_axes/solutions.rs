@@ -7,7 +7,7 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::joint_space::outside;
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
 use crate::solutions::{Solution, Solutions, check_margin, check_piece, room, search};
 use crate::status::Status;
@@ -41,7 +41,7 @@ impl ParallelAxesArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn configurations(&self, pose: &Pose) -> Result<ParallelAxesConfigurations> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let (mut rows, mut wound) = ([[0.0; 6]; 8], [[0.0; 6]; 8]);
         let reachable = self.solve_into(pose, false, &mut rows);
         let mask = self.solve_into(pose, true, &mut wound);

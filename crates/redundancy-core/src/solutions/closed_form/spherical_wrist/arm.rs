@@ -32,9 +32,10 @@ use super::complex::{Complex, complex};
 use super::geometry::WristGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
-use crate::joint_space::{TURN, nearest_within, opposite, outside, turned, turns, within, wrap, wrap_sum};
+use crate::joint_space::{TURN, nearest_within, opposite, outside, within, wrap, wrap_sum};
 use crate::parallel::prelude::*;
-use crate::pose::{Pose, check_pose, pose_from_row_major};
+use crate::pose::{Pose, checked_pose, pose_from_row_major};
+use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::{Defect, at, signs};
 use crate::status::Status;
 use crate::tolerance::{GIMBAL_PASSAGE, GIMBAL_SINE, REACH_ROUNDING};
@@ -154,7 +155,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn solve(&self, pose: &Pose, limits: bool) -> Result<Vec<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let mut rows = [[0.0; 6]; 8];
         let mask = self.solve_into(pose, limits, &mut rows);
         Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
@@ -215,7 +216,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
     pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         self.chain().check_q(q)?;
         Ok(self.nearest_unchecked(pose, q))
     }
@@ -300,7 +301,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn configurations(&self, pose: &Pose) -> Result<Configurations> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let target = self.target(pose);
         let mut rows = [[0.0; 6]; 8];
         let reachable = self.branches(&target, self.inner.free, &mut rows);
@@ -482,30 +483,9 @@ impl SphericalWristArm {
     /// `wish`.
     #[cold]
     fn share(&self, row: &[f64; 6], sense: f64, wish: [f64; 2], margin: f64) -> Option<[f64; 2]> {
-        const WINDINGS: i32 = 8;
-        let lower = self.inner.lower.map(|limit| limit + margin);
-        let upper = self.inner.upper.map(|limit| limit - margin);
-        // q4 = x, q6 = constant + 2 pi k - sense x.
-        let constant = row[5] + sense * row[3];
-        let centre = turns(wish[1] + sense * wish[0] - constant);
-        let mut best: Option<(f64, [f64; 2])> = None;
-        for k in -WINDINGS..=WINDINGS {
-            let total = turned(constant, centre + f64::from(k));
-            let (mut low, mut high) = (lower[3], upper[3]);
-            let ends = [sense * (total - upper[5]), sense * (total - lower[5])];
-            low = low.max(ends[0].min(ends[1]));
-            high = high.min(ends[0].max(ends[1]));
-            if low > high {
-                continue;
-            }
-            let x = (0.5 * (wish[0] + sense * (total - wish[1]))).clamp(low, high);
-            let pair = [x, (total - sense * x).clamp(lower[5], upper[5])];
-            let distance = (pair[0] - wish[0]).powi(2) + (pair[1] - wish[1]).powi(2);
-            if best.is_none_or(|(least, _)| distance < least) {
-                best = Some((distance, pair));
-            }
-        }
-        best.map(|(_, pair)| pair)
+        let outer = |limits: [f64; 6], margin: f64| [limits[3] + margin, limits[5] + margin];
+        let (lower, upper) = (outer(self.inner.lower, margin), outer(self.inner.upper, -margin));
+        shared([row[3], row[5]], sense, wish, lower, upper)
     }
 
     /// Distance of the wrist centre from the nearest point that shoulder and elbow reach.

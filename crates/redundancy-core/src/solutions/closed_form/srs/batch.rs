@@ -1,8 +1,8 @@
 //! Many poses at once: spread over the current pool, the same bits whatever the number of threads.
 
 use super::arm::{SrsArm, Swivel};
+use super::choice::Choice;
 use super::circle::SelfMotion;
-use super::optimum::Choice;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result, check_length};
 use crate::parallel::prelude::*;

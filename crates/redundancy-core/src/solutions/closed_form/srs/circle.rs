@@ -4,10 +4,12 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector3;
 
-use super::arm::{Circle, Reach, SrsArm, signs};
+use super::arm::SrsArm;
+use super::elbow_circle::{Circle, Reach, signs};
 use super::intervals::Arcs;
 use crate::error::{Error, Result};
 use crate::joint_space::{TURN, opposite, outside};
+use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::GIMBAL_PASSAGE;
 
@@ -31,6 +33,18 @@ pub struct SelfMotion {
     reach: Reach,
     /// Feasible arcs without margin, computed when first asked for.
     arcs: OnceLock<Arcs>,
+}
+
+impl SrsArm {
+    /// Everything over `pose` that does not depend on the swivel, as an object.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite.
+    pub fn self_motion(&self, pose: &Pose) -> Result<SelfMotion> {
+        let pose = &checked_pose("pose", pose)?;
+        let (circle, reach) = self.circle(pose);
+        Ok(SelfMotion::new(self.clone(), circle, reach))
+    }
 }
 
 impl SelfMotion {
@@ -165,7 +179,7 @@ impl SelfMotion {
 
     /// Feasible arcs without margin.
     pub(super) fn arcs(&self) -> &Arcs {
-        self.arcs.get_or_init(|| Arcs::new(&self.arm, &self.circle, &self.arm.inner.bounds))
+        self.arcs.get_or_init(|| Arcs::new(&self.arm.inner.geometry, &self.circle, &self.arm.inner.bounds))
     }
 
     /// Which limit is missed by how little at best: the least violation over all branches and swivels, estimated on
@@ -300,6 +314,6 @@ impl Branch<'_> {
         }
         let inner = &self.motion.arm.inner;
         let bounds = super::intervals::bounds(&inner.geometry, &inner.lower, &inner.upper, margin);
-        Ok(Arcs::new(&self.motion.arm, &self.motion.circle, &bounds).of(self.index))
+        Ok(Arcs::new(&inner.geometry, &self.motion.circle, &bounds).of(self.index))
     }
 }

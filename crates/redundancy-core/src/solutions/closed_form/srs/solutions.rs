@@ -4,8 +4,8 @@ use std::any::Any;
 use std::f64::consts::{PI, TAU};
 
 use super::arm::{SrsArm, Swivel};
+use super::choice::Choice;
 use super::circle::{Branch, SelfMotion};
-use super::optimum::Choice;
 use super::spherical::sphericals;
 use crate::chain::Chain;
 use crate::criterion::Criterion;

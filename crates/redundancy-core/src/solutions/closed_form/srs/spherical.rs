@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use super::arm::Circle;
+use super::elbow_circle::Circle;
 use super::geometry::Geometry;
 use crate::joint_space::wrap;
 use crate::tolerance::{GIMBAL_NEAR, GIMBAL_PASSAGE, GIMBAL_SINE, SINUSOID_FLAT, SINUSOID_TANGENT};
