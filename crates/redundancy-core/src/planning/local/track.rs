@@ -361,7 +361,7 @@ impl EventLog {
         self.events.push(Event { kind, index: self.row, t: self.t, s: self.s, message });
     }
 
-    fn step(&mut self, report: &crate::velocity::StepReport, resolver: &dyn Resolver) {
+    fn step(&mut self, report: &crate::velocity::Step, resolver: &dyn Resolver) {
         if report.basis_changed {
             self.push(EventKind::BasisChange, format!("dependent joints are now {:?}", resolver.basis()));
         }

@@ -1,4 +1,4 @@
-//! The spray experiment: torques, rules, the largest speed. `cargo bench --bench spray`; ids `room/function/robot`.
+//! The spray experiment: torques, rules, the largest speed. `cargo bench --bench painting`; ids `room/function/robot`.
 #![allow(clippy::expect_used)] // a bench may stop
 
 use std::hint::black_box;
@@ -69,8 +69,10 @@ fn planning(criterion: &mut Criterion) {
     let oriented = path.with_orientations(&rotations).expect("path");
     let (s, poses, settings) = (oriented.s(), oriented.poses(), SpeedSettings::of(&arm));
     let found = max_speed_of_poses(&arm, s, poses, None, &settings).expect("speed");
-    let (q, start) = (found.q, &found.torques);
-    black_box(start);
+    let q = found.q;
+    group.finish();
+    let mut group = criterion.benchmark_group("timing");
+    group.throughput(Throughput::Elements(positions.len() as u64));
     group.bench_function("max_speed/puma560", |b| {
         b.iter(|| max_speed(&arm, black_box(s), &q, &settings));
     });
