@@ -15,7 +15,9 @@ def table(name: str, posture: list[float]) -> None:
     form = rd.closed_form(chain)
     s = rd.solutions(chain, pose)
     kind = ["points", "curves"][s.dimension]
-    print(f"{name}: closed form {form.name if form else None}, {len(s.pieces)} {kind}, {s.status}, proven {s.proven}")
+    print(
+        f"{name}: closed form {form.name if form else None}, {len(s.pieces)} {kind}, {s.status}, proven {s.proven}"
+    )
     if s.reason:
         print(f"  {s.reason}")
     for piece in s.pieces:
@@ -24,7 +26,9 @@ def table(name: str, posture: list[float]) -> None:
         print(f"  {piece.label:8}  u {lo:6.3f} .. {hi:5.3f}  limits: {', '.join(arcs) or '-'}")
         assert np.allclose(chain.forward(piece.q(lo)), pose, atol=1e-10)
     best = s.best(rd.JointRange(chain))
-    print(f"  best joint range {best.value:.6f} on {best.piece.label} at u = {best.u:.4f}, proven {best.proven}")
+    print(
+        f"  best joint range {best.value:.6f} on {best.piece.label} at u = {best.u:.4f}, proven {best.proven}"
+    )
     near = s.nearest(posture)
     print(f"  nearest to the posture: {near.value:.1e} away, proven {near.proven}\n")
 

@@ -1741,7 +1741,8 @@ def solutions(
         max_rows: Rows after which a traced curve is given up; default 200 000.
 
     Raises:
-        RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task has
+        RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task
+            has
             coordinates, or with two or more joints beyond them.
 
     Example:
@@ -1832,13 +1833,17 @@ class Piece:
     def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
         """Where all joint limits hold in some winding, `(k, 2)`, ascending.
 
-        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or nothing.
+        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or
+        nothing.
 
         Args:
             margin: Distance from each limit, rad or m.
         """
     def parameter(self, u: float | ArrayLike | None = None) -> float | NDArray[np.float64] | None:
-        """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`; `None` where there is none."""
+        """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`.
+
+        `None` where there is none.
+        """
 
 @final
 class Solution:
@@ -2131,12 +2136,16 @@ class RetimedTrajectory(Trajectory):
     def limiting(self) -> list[str | None]:
         """Per row (N): the limit that it comes nearest to.
 
-        `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None where
+        `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None
+        where
         nothing moves.
         """
     @property
     def path_rows(self) -> list[int]:
-        """Rows of the trajectory that are rows of the path, one for each, in order; with `dt=` the rows nearest to them."""
+        """Rows of the trajectory that are rows of the path, one for each, in order.
+
+        With `dt=` the rows nearest to them.
+        """
     @property
     def stops(self) -> list[int]:
         """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
@@ -2163,7 +2172,8 @@ def retime(
     The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
     is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
     Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
-    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get rows in
+    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get
+    rows in
     between (`path_rows` says which are the path's own).
 
     Args:
@@ -2184,11 +2194,14 @@ def retime(
         The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
 
     Raises:
-        ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with neither an
+        ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
+            neither an
             acceleration nor a torque limit.
         CannotFollowError: a torque limit that does not hold the arm at rest.
 
     Example:
+        >>> import numpy as np
+        >>> import redundancy as rd
         >>> arm = rd.catalog.load("panda")
         >>> move = rd.retime(arm, np.linspace(arm.lower * 0.5, arm.upper * 0.5, 50), jerk_limits=500.0)
     """
@@ -2487,7 +2500,8 @@ def plan(
 ) -> Plan:
     """Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 
-    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at once,
+    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
+    once,
     with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
 
         plan = rd.plan(rd.catalog.load("panda"), path)
@@ -2522,7 +2536,8 @@ def plan(
         The plan; its `status` says what was possible.
 
     Raises:
-        RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or break
+        RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or
+            break
             limits, a closed plan of an open path.
     """
 

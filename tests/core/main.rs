@@ -19,6 +19,7 @@ mod joint_space;
 mod kinematics;
 mod optimum;
 mod painting;
+#[cfg(feature = "panda-class")]
 mod panda_class;
 mod parallel;
 mod path;

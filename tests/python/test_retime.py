@@ -74,7 +74,7 @@ def test_a_plan_and_equal_intervals():
     limits = np.full(7, 10.0)
     move = rd.retime(arm.chain, plan, acceleration_limits=limits, jerk_limits=500.0, dt=0.004)
     assert np.allclose(np.diff(move.t)[:-1], 0.004)
-    _, qd, qdd, qddd = move.sample(np.linspace(0, move.t[-1], 5000))
+    _, qd, qdd, _ = move.sample(np.linspace(0, move.t[-1], 5000))
     assert np.all(np.abs(qd) <= arm.chain.velocity_limit * (1 + 1e-6))
     assert np.all(np.abs(qdd) <= 10.1)
     assert np.all(np.abs(move.q[0] - plan.q[0]) < 1e-12)

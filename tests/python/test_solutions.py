@@ -179,7 +179,9 @@ def test_arms_tasks_and_settings() -> None:
     # Traced, the same circles are found.
     traced = rd.solutions(chain, pose, closed_form=False, starts=60, seed=3)
     assert not traced.proven and traced.dimension == 1
-    assert traced.best(rd.JointRange(chain)).value == pytest.approx(s.best(rd.JointRange(chain)).value, rel=1e-9)
+    assert traced.best(rd.JointRange(chain)).value == pytest.approx(
+        s.best(rd.JointRange(chain)).value, rel=1e-9
+    )
     again = rd.solutions(chain, pose, closed_form=False, starts=60, seed=3)
     np.testing.assert_array_equal(traced.pieces[0].q(0.4), again.pieces[0].q(0.4))
     planar = rd.catalog.load("planar3r")

@@ -15,6 +15,7 @@ pub(crate) mod search;
 #[allow(clippy::module_inception)] // the trait's file has the name of the trait
 mod solutions;
 
+#[cfg(feature = "panda-class")]
 pub use closed_form::panda_class::{PandaClassArm, PandaMotion};
 pub use closed_form::parallel_axes::{ParallelAxesArm, ParallelAxesConfigurations};
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};

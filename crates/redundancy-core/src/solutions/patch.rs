@@ -13,7 +13,7 @@ use crate::kinematics::{Corrector, Task};
 /// `None`.
 ///
 /// # Errors
-/// As [`trace_self_motion`]; a task that leaves not exactly two freedoms, a spacing that is not in (0, 0.5], more than
+/// As [`trace_self_motion`](crate::solutions::trace_self_motion); a task that leaves not exactly two freedoms, a spacing that is not in (0, 0.5], more than
 /// 500 steps.
 pub fn self_motion_patch(
     chain: &Chain,

@@ -1,6 +1,8 @@
 //! What recognising an arm by its axes needs, whatever the closed form.
 
-use nalgebra::{Matrix3, Vector3};
+#[cfg(feature = "panda-class")]
+use nalgebra::Matrix3;
+use nalgebra::Vector3;
 
 use crate::chain::Chain;
 use crate::solutions::Line;
@@ -38,6 +40,7 @@ pub(super) fn not_turning(chain: &Chain) -> Option<String> {
     Some(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()))
 }
 
+#[cfg(feature = "panda-class")]
 /// The point nearest to three lines (least squares); `None` where they are parallel.
 pub(super) fn common_point(lines: &[Line]) -> Option<Vector3<f64>> {
     let first = lines.first()?.point;

@@ -8,8 +8,10 @@ mod form;
 mod gimbal;
 mod lanes;
 mod lines;
+#[cfg(feature = "panda-class")]
 pub mod panda_class;
 pub mod parallel_axes;
+#[cfg(feature = "panda-class")]
 mod polish;
 mod registry;
 pub mod spherical_wrist;

@@ -8,7 +8,7 @@ use crate::kinematics::{DynamicsScratch, Scratch};
 use crate::tolerance::{RETIME_DWELL, TORQUE_LEFT};
 
 /// Places of an interval at which the limits are looked at, ends included.
-const PLACES: usize = 10;
+const PLACES: usize = 20;
 
 /// What kind of limit binds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

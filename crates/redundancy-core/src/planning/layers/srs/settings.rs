@@ -17,7 +17,7 @@ pub enum SwivelChoice {
     Fixed(Vec<f64>),
 }
 
-/// Settings of [`plan_swivel`].
+/// Settings of [`plan_swivel`](crate::planning::plan_swivel).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SwivelPlanSettings {
     /// Grid cells of the circle.

@@ -23,6 +23,9 @@
 //! - C on axis 1 with `b = 0`: joint 1 is free, and 0 or the limit nearest to it is taken (the given value in `nearest`).
 //! - The stretched or folded elbow, C at the distance `|y|` from axis 1, and a wrist at its end are one branch each, not two.
 //!
+//! Known gap: at and next to singular poses (wrist, stretched elbow) configurations can be missed, and `nearest` may return another
+//! one than the nearest.
+//!
 //! # References
 //! The decomposition is that of `[Hawkins2013]` for the UR arms, for axes at any angles.
 
@@ -38,7 +41,6 @@ use crate::joint_space::{TURN, nearest_within, outside, within, wrap, wrap_four,
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::lanes::{Turns, all};
-use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, at, signs};
 use crate::tolerance::{
     GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
@@ -178,8 +180,7 @@ impl ParallelAxesArm {
     }
 
     /// Configurations over `pose`, in branch order: with `limits` those within the joint limits, in the winding that
-    /// holds them; without, all distinct ones (up to eight) in principal values. Those of an arm with a defect are polished by
-    /// Newton's method, here and not in the other methods. Empty when there is none:
+    /// holds them; without, all distinct ones (up to eight) in principal values. Empty when there is none:
     /// [`ParallelAxesArm::configurations`](ParallelAxesArm::configurations) says why.
     ///
     /// # Errors
@@ -188,9 +189,7 @@ impl ParallelAxesArm {
         let pose = &checked_pose("pose", pose)?;
         let mut rows = [[0.0; 6]; 8];
         let mask = self.solve_into(pose, limits, &mut rows);
-        let mut rows: Vec<_> = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect();
-        polish(self.chain(), self.defect(), pose, None, limits, &mut rows);
-        Ok(rows)
+        Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
     }
 
     /// [`ParallelAxesArm::solve`] for checked input, without allocation: bit `b` of the result says that row `b` of
