@@ -43,7 +43,10 @@ fn right_angles_are_exact() {
     for name in catalog::names() {
         let arm = catalog::load(name).unwrap();
         // Arms that lean.
-        let leans = |joint: &str| ["right_arm_0", "right_j6", "left_shoulder_pitch_joint", "left_shoulder_roll_joint"].contains(&joint);
+        let leans = |joint: &str| {
+            ["right_arm_0", "right_j6", "left_shoulder_pitch_joint", "left_shoulder_roll_joint"]
+                .contains(&joint)
+        };
         for joint in arm.joints().iter().filter(|joint| !leans(&joint.name)) {
             let exact = |v: &f64| [0.0, 1.0, -1.0].contains(v);
             assert!(joint.placement.rotation.matrix().iter().all(exact), "{name} {}", joint.name);

@@ -1,5 +1,8 @@
 //! Python bindings: exports only. Every function converts, detaches, calls, converts.
 
+// One argument per keyword.
+#![allow(clippy::too_many_arguments)]
+
 use pyo3::prelude::*;
 
 mod arms;

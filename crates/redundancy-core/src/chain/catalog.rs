@@ -32,7 +32,7 @@ use super::builder::ChainBuilder;
 use super::chain::Chain;
 use super::dh::{DhConvention, DhRow};
 use super::entries::{along_z, body, diagonal, limits, row};
-use super::joint::{Inertia, JointKind, Limits};
+use super::joint::{JointKind, Limits};
 use super::published;
 use crate::error::{Error, Result};
 use crate::pose::{Pose, pose};

@@ -16,8 +16,8 @@ mod dh;
 mod entries;
 mod extend;
 mod joint;
-mod units;
 mod published;
+mod units;
 mod windings;
 
 pub use builder::ChainBuilder;

@@ -7,6 +7,7 @@
 //! A [`PlanBuilder`] checks what the columns promise: one entry per row, no NaN, and no `Converged` beside a limit that
 //! is broken, a reconfiguration or a blocked point.
 
+use super::path::Path;
 use super::trajectory::Trajectory;
 use crate::chain::{Chain, Limits};
 use crate::error::{Error, Result, check_finite, check_length};

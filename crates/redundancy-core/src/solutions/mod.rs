@@ -32,4 +32,6 @@ pub use solutions::{Solution, Solutions};
 pub(crate) use solutions::{check_margin, check_piece};
 
 // What the closed forms share.
-pub(crate) use closed_form::srs::{Line, at, distance_to_line, orthonormal, rotation_y, signs, spherical};
+pub(crate) use closed_form::srs::{
+    AxisLine, at, distance_to_line, orthonormal, rotation_y, signs, spherical,
+};

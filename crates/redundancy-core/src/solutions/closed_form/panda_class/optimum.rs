@@ -66,7 +66,7 @@ impl Ord for Pending {
     }
 }
 
-struct Search<'a> {
+struct ArcSearch<'a> {
     motion: &'a PandaMotion,
     springs: [JointSpring; 7],
     best: Option<(f64, usize, f64, [f64; 7])>,
@@ -113,7 +113,7 @@ impl PandaMotion {
 
     /// The configuration with the least sum of springs.
     pub(super) fn softest(&self, springs: [JointSpring; 7]) -> Option<Solution> {
-        let mut search = Search { motion: self, springs, best: None, heap: BinaryHeap::new() };
+        let mut search = ArcSearch { motion: self, springs, best: None, heap: BinaryHeap::new() };
         for (k, arcs) in self.arcs().iter().enumerate() {
             for (shoulder, parts) in arcs.parts.iter().enumerate() {
                 for part in parts {
@@ -132,7 +132,7 @@ impl PandaMotion {
     }
 }
 
-impl Search<'_> {
+impl ArcSearch<'_> {
     /// True when nothing better than the best point by more than the gap can have this bound.
     fn is_settled(&self, bound: f64) -> bool {
         self.best.is_some_and(|(best, ..)| bound >= best - OPTIMUM_GAP * (1.0 + best.abs()))
