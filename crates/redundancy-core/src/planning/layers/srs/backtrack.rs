@@ -103,7 +103,7 @@ impl SwivelGrid<'_> {
     }
 
     /// The cheapest state of each connected piece of the first point, cheapest first.
-    pub fn pieces(&self, layer: &GridLayer) -> Vec<GridState> {
+    pub(super) fn pieces(&self, layer: &GridLayer) -> Vec<GridState> {
         let cells = self.cells;
         let mut out: Vec<(f64, GridState)> = Vec::new();
         for branch in 0..self.rows() {

@@ -109,7 +109,7 @@ impl<'a> SwivelGrid<'a> {
     }
 
     /// All nodes of point `k`.
-    pub fn layer(&self, k: usize, scratch: &mut Scratch) -> GridLayer {
+    pub(super) fn layer(&self, k: usize, scratch: &mut Scratch) -> GridLayer {
         let (problem, cells, codes) = (self.problem, self.cells, self.codes());
         let rows = self.rows();
         let circle = &problem.circles[k];
@@ -222,7 +222,7 @@ impl<'a> SwivelGrid<'a> {
         }
     }
 
-    pub fn position(&self, layer: &GridLayer, branch: usize, cell: usize) -> [f64; 7] {
+    pub(super) fn position(&self, layer: &GridLayer, branch: usize, cell: usize) -> [f64; 7] {
         std::array::from_fn(|i| layer.q[(branch * 7 + i) * self.stride + self.pad + cell])
     }
 }

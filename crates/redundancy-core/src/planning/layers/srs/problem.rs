@@ -49,9 +49,9 @@ pub(in crate::planning) struct SwivelProblem<'a> {
     pub parts: Vec<f64>,
     /// Largest joint steps between point k and k + 1.
     pub steps: Vec<[f64; 7]>,
-    pub windings: Windings,
+    pub(super) windings: Windings,
     pub branches: Vec<usize>,
-    pub obstacles: Option<SceneAlongPath>,
+    pub(super) obstacles: Option<SceneAlongPath>,
     /// Where the manipulability counts: its measure, and the largest value seen.
     dexterity: Option<(Manipulability, f64)>,
     /// Numbers of the points on the path.
