@@ -35,7 +35,7 @@ fn every_task_on_every_arm() {
                 let there = random_q(&chain, &mut rng);
                 let target = chain.forward(&there).unwrap();
                 let mut corrector = Corrector::new(&chain, task, &target).unwrap();
-                corrector.linearise(&there);
+                corrector.evaluate(&there);
                 if corrector.pivot_ratio() < 0.03 {
                     continue;
                 }
@@ -65,7 +65,7 @@ fn the_basis_is_the_kernel() {
         for _ in 0..10 {
             let q = random_q(&chain, &mut rng);
             let mut corrector = Corrector::new(&chain, task, &chain.forward(&q).unwrap()).unwrap();
-            corrector.linearise(&q);
+            corrector.evaluate(&q);
             let basis = corrector.basis().clone();
             assert_eq!(basis.ncols(), chain.dof() - task.dim());
             for t in basis.column_iter() {
@@ -94,7 +94,7 @@ fn held_coordinates() {
         let target = chain.forward(&there).unwrap();
         let mut corrector = Corrector::with_coordinates(&chain, Task::POINTING, &target, &rows).unwrap();
         corrector.set_coordinates(&[there[2], value(&there)]);
-        assert!(corrector.linearise(&there).iter().all(|e| e.abs() < 1e-14));
+        assert!(corrector.evaluate(&there).iter().all(|e| e.abs() < 1e-14));
         if corrector.pivot_ratio() < 0.03 {
             continue;
         }
@@ -143,7 +143,7 @@ fn damping() {
             corrector.damped_step(&mut much, 1e4, bound);
             let step: Vec<f64> = much.iter().zip(&start).map(|(a, b)| (a - b) * 1e8).collect();
             let mut back = vec![0.0; 7];
-            corrector.linearise(&start);
+            corrector.evaluate(&start);
             // J^T e from the multipliers of the least-squares problem: J J^T e / ... is avoided, so compare J (J^T e).
             corrector.null_space().multipliers(&step, &mut back);
             assert!(error.iter().zip(&back).all(|(e, b)| (e - b).abs() < 1e-5), "{task}: {error:?} {back:?}");

@@ -411,6 +411,10 @@ pub const TRACE_SHORTEST: f64 = 1e-8;
 /// cent of the step of the curve.
 pub const TRACE_TURN: f64 = 0.2;
 
+/// Rooted ratio of the pivots of `J J^T` down to which a Newton step is taken from the normal equations: they cost it half of its
+/// digits, which the next step restores.
+pub const NORMAL_EQUATIONS: f64 = 1e-4;
+
 /// Newton correction (rad) after which a point counts as on the curve: what is left is of the order of its square.
 pub const TRACE_ONE_STEP: f64 = 1e-6;
 
