@@ -195,6 +195,21 @@ impl Corrector {
         }
     }
 
+    /// Holds linear coordinate `k`, `row . q`, at `value`. Rows are counted from 0; one beyond their number is ignored, as are entries
+    /// beyond a row's length.
+    pub fn hold(&mut self, k: usize, row: &[f64], value: f64) {
+        let n = self.step.len();
+        if let (Some(own), Some(at)) = (self.rows.chunks_exact_mut(n).nth(k), self.values.get_mut(k)) {
+            own.iter_mut().zip(row).for_each(|(own, c)| *own = *c);
+            *at = value;
+        }
+    }
+
+    /// The Jacobian `(m, n)` of task and held coordinates, column by column, at the last `q` that was evaluated.
+    pub fn jacobian(&self) -> &[f64] {
+        &self.jacobian
+    }
+
     /// Pose, Jacobian and axes at the last `q` that was evaluated.
     pub fn kinematics(&self) -> Kinematics<'_> {
         Kinematics::new(&self.scratch)
@@ -270,6 +285,7 @@ impl Corrector {
             6 => self.normal_step::<6>(mu),
             5 => self.normal_step::<5>(mu),
             2 | 3 => self.normal_step::<3>(mu),
+            7 => self.normal_step::<7>(mu),
             _ => self.normal_step::<PADDED>(mu),
         }
     }

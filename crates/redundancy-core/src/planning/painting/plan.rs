@@ -24,7 +24,7 @@ use std::sync::atomic::Ordering;
 use nalgebra::{Const, SVector};
 
 use super::convex::{SplinePlan, SplineSamples, spline_at};
-use super::motion::{Size, Workspace};
+use super::motion::Size;
 use super::planner::{OrientationPlanner, PlanCandidate, Verified};
 use super::result::OrientationPlan;
 use super::settings::OrientationPlanSettings;
@@ -279,7 +279,7 @@ where
     ) -> bool {
         candidates.par_iter_mut().with_max_len(1).for_each(|candidate| {
             let arm = self.arm(&candidate.spare);
-            let mut work = Workspace::new(self.chain);
+            let mut work = self.workspace.clone();
             for _ in 0..steps {
                 if self.over(share) {
                     break;
@@ -320,7 +320,7 @@ where
                 })
                 .collect();
         let spare = candidate.spare.clone();
-        let mut work = Workspace::new(self.chain);
+        let mut work = self.workspace.clone();
         let arm = self.arm(&spare);
         let mut state = SplinePlan::new(&arm, to, &self.bounds, coefficients, &near, &mut work).ok()?;
         state.radius = candidate.state.radius.max(REFINED_RADIUS);

@@ -7,7 +7,7 @@ use nalgebra::{Const, SVector};
 
 use super::convex::{PaintingBounds, SplinePlan};
 use super::curve::Curve;
-use super::motion::{Arm, Size};
+use super::motion::{Arm, Size, Workspace};
 use super::result::Bottleneck;
 use super::settings::{OrientationPlanSettings, SpinRange};
 use crate::chain::Chain;
@@ -45,6 +45,7 @@ pub(super) struct OrientationPlanner<'a, const N: usize, const M: usize> {
     pub curve: Curve,
     pub settings: &'a OrientationPlanSettings,
     pub bounds: PaintingBounds,
+    pub workspace: Workspace<N>,
     pub watch: &'a Watch,
     pub deadline: Deadline,
     pub steps: AtomicUsize,
@@ -90,6 +91,7 @@ where
             curve,
             settings,
             bounds,
+            workspace: Workspace::new(chain)?,
             watch,
             deadline: Deadline::after(settings.time_limit),
             steps: AtomicUsize::new(0),

@@ -59,7 +59,7 @@ where
                         crate::pose::pose(*turned.rotation.matrix(), grid.points[k].position[0])
                     })
                     .collect();
-                let mut work = Workspace::new(self.chain);
+                let mut work = self.workspace.clone();
                 lines::starts(self.chain, self.form.as_deref(), &poses[0])
                     .iter()
                     .filter_map(|start| self.start(grid, &three, &poses, start, &mut work))

@@ -3,7 +3,7 @@
 use nalgebra::{Const, SVector};
 
 use super::convex::{BoundKind, rows_of, spline_at};
-use super::motion::{Size, Workspace};
+use super::motion::Size;
 use super::planner::{OrientationPlanner, PlanCandidate, Verified};
 use super::result::{Bottleneck, SpeedBound};
 use crate::path::QuinticBasis;
@@ -57,7 +57,7 @@ where
             }
         }
         let arm = self.arm(&candidate.spare);
-        let mut work = Workspace::new(self.chain);
+        let mut work = self.workspace.clone();
         let mut q: Vec<f64> = Vec::with_capacity(s.len() * N);
         let (mut poses, mut tilt, mut spin) = (Vec::new(), Vec::new(), Vec::new());
         let (mut gravity, mut dynamic, mut rates) = (Vec::new(), Vec::new(), Vec::new());
