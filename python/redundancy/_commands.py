@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import _paint, _plan, plot
+from redundancy import _painting, _plan, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -107,12 +107,26 @@ def _fail(status: int, message: str) -> int:
 # What the numbers of the catalogue are taken from; the details are in docs/chain.md.
 SOURCES = {
     "dexter": ("Scienza Machinale DEXTER", "Bettini, De Luca, Oriolo 2000"),
+    "fr3": ("Franka Research 3", "franka_description 566ba44"),
+    "gen3": ("Kinova Gen3, 7 joints", "ros2_kortex 1fdbef3"),
     "iiwa14": ("KUKA LBR iiwa 14 R820", "KUKA specification; inertias of Drake's URDF"),
+    "irb2400": ("ABB IRB 2400", "ros-industrial/abb 77db19b"),
+    "kr6_r900": ("KUKA KR 6 R900 sixx", "kuka_robot_descriptions 7766e92"),
+    "openarm": ("Enactic OpenArm v1.0", "openarm_description af6f035"),
     "pa10": ("Mitsubishi PA10-7C", "Moore, Oztop 2010; Mitsubishi specification"),
     "panda": ("Franka Emika Panda", "Franka Control Interface; Gaz et al. 2019"),
     "planar3r": ("planar arm, 3 links", "Park, Chung, Youm 1996"),
     "planar4r": ("planar arm, 4 links", "Park, Chung, Youm 1996, a link added"),
     "puma560": ("Unimation PUMA 560", "Corke, Armstrong-Helouvry 1994"),
+    "rby1": ("Rainbow RB-Y1, right arm", "rby1-sdk 38df326"),
+    "rizon4": ("Flexiv Rizon 4", "flexiv_ros2 9d96a86"),
+    "sawyer": ("Rethink Robotics Sawyer", "sawyer_robot d1ef3d0"),
+    "unitree_g1": ("Unitree G1, left arm", "unitree_ros 5ae4fa5"),
+    **{
+        name: (f"Universal Robots {name.upper().replace('E', 'e')}", "Universal_Robots_ROS2_Description 2221ec0")
+        for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
+    },
+    "xarm7": ("UFACTORY xArm 7", "xarm_ros2 3654ba7"),
 }
 
 
@@ -679,7 +693,7 @@ def paint(
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
-    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_paint.RULES)}.")] = "all",
+    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")] = "all",
     plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
     half_angle: Annotated[
         float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
@@ -718,7 +732,7 @@ def paint(
     if not 0.0 <= torque_margin < 100.0:
         raise rd.RedundancyError(f"--torque-margin is {torque_margin}, it must be in [0, 100) percent")
     paint_job(
-        _paint.Job(
+        _painting.Job(
             chain.with_tool(pose) if tool != "0,0,0" else chain,
             robot,
             path,
@@ -739,7 +753,7 @@ def paint(
     )
 
 
-def paint_job(job: _paint.Job) -> None:
+def paint_job(job: _painting.Job) -> None:
     """Run one job of `paint`, with a bar while it plans, and print its table."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=_err, transient=True, disable=not (job.plan and _err.is_terminal))
@@ -755,12 +769,12 @@ def paint_job(job: _paint.Job) -> None:
         except KeyboardInterrupt as error:
             raise StoppedError from error
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in _paint.HEADER:
+    for title in _painting.HEADER:
         table.add_column(
             title, overflow="fold", justify="right" if title in {"speed (m/s)", "gain"} else "left"
         )
     for choice in job.choices:
-        table.add_row(*(escape(cell) for cell in _paint.cells(choice)))
+        table.add_row(*(escape(cell) for cell in _painting.cells(choice)))
     console = _out if _out.is_terminal else Console(width=160, highlight=False)
     console.print(table)
     _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)
@@ -768,12 +782,12 @@ def paint_job(job: _paint.Job) -> None:
 
 def _rules(text: str) -> tuple[str, ...]:
     if text == "all":
-        return _paint.RULES
+        return _painting.RULES
     names = tuple(name.strip() for name in text.split(","))
     for name in names:
-        if name not in _paint.RULES:
+        if name not in _painting.RULES:
             raise rd.RedundancyError(
-                f"--rule has '{name}', expected all or some of: {', '.join(_paint.RULES)}"
+                f"--rule has '{name}', expected all or some of: {', '.join(_painting.RULES)}"
             )
     # The gain is over a constant orientation, so that is measured first, always.
     return ("constant", *(name for name in names if name != "constant"))
@@ -923,7 +937,7 @@ def demo(
     Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
     _out.print()
     file = out / "paint_path.csv"
-    demo_spray().to_csv(file)
+    demo_strokes().to_csv(file)
     command = f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4"
     command += f" --out {out / 'paint'}"
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
@@ -932,13 +946,13 @@ def demo(
     gun = rd.catalog.load("puma560").with_tool(tool)
     angles = (float(np.deg2rad(10.0)), float(np.deg2rad(20.0)))
     paint_job(
-        _paint.Job(
-            gun, "puma560", file, out / "paint", _paint.RULES, *angles, plan=True, time_limit=4.0, plots=plots
+        _painting.Job(
+            gun, "puma560", file, out / "paint", _painting.RULES, *angles, plan=True, time_limit=4.0, plots=plots
         )
     )
 
 
-def demo_spray() -> rd.Path:
+def demo_strokes() -> rd.Path:
     """Three strokes of the papers' experiment, REF-B of docs/painting.md."""
     return rd.paths.raster((0.44, -0.25, -0.3), 0.5, 0.21, 3, corner=0.17912615734826384)
 

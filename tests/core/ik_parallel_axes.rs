@@ -102,7 +102,6 @@ fn real_arms() -> Vec<Chain> {
         urdf_arm("ur3", "base_link", "tool0"),
         urdf_arm("ur5", "base_link", "tool0"),
         urdf_arm("ur10", "base_link", "tool0"),
-        urdf_arm("z1", "link00", "link06"),
     ]
 }
 
@@ -198,7 +197,6 @@ fn limits_and_windings_hold_or_the_reason_is_given() {
 
 /// At and near every singular configuration: finite, closed, and the configuration is met again where it is isolated.
 #[test]
-#[ignore = "known gap: configurations at singular poses can be missed, see the module"]
 fn singular_poses_are_defined() {
     let mut rng = rng(3);
     let mut wrists = 0;
@@ -218,27 +216,23 @@ fn singular_poses_are_defined() {
             let target = chain.forward(&q).unwrap();
             for limits in [false, true] {
                 let rows = arm.solve(&target, limits).unwrap();
-                // Next to a singular wrist configurations within the limits can be missed: see the module.
-                assert!(near < 1e-6 || !rows.is_empty(), "{} {q:?}", chain.name());
+                assert!(!rows.is_empty(), "{k} {near:e} {} {q:?}", chain.name());
                 for row in &rows {
                     assert!(row.iter().all(|x| x.is_finite()));
                     let error = pose_error(&chain.forward(row).unwrap(), &target);
                     assert!(error < 1e-10, "{k} {near:e} {error:e} {row:?} {q:?}");
                 }
             }
-            let Some(near_q) = arm.nearest(&target, &q).unwrap() else {
-                assert!(near < 1e-6);
-                continue;
-            };
+            let near_q = arm.nearest(&target, &q).unwrap().unwrap();
             assert!(pose_error(&chain.forward(&near_q).unwrap(), &target) < 1e-10);
             let distance = near_q.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
             // Where two joints are at an end, rounding of one moves the other by its root.
-            // Next to a singular wrist another member of the family may be returned than the nearest: see the module.
-            assert!(near < 1e-6 || distance < 0.1, "{k} {near:e} {distance:e} {near_q:?} {q:?}");
+            let bound = if k % 3 == 2 { 2e-3 } else { 1e-6 };
+            assert!(distance < bound, "{k} {near:e} {distance:e} {near_q:?} {q:?}");
             wrists += usize::from(k % 3 == 0 && near == 0.0);
         }
     }
-    assert!(wrists > 50);
+    assert!(wrists > 100);
 }
 
 /// Axes and points on them at `q`.

@@ -21,7 +21,7 @@ mod inverse_dynamics;
 mod joint_space;
 mod kinematics;
 mod optimum;
-#[cfg(feature = "panda-class")]
+mod painting;
 mod panda_class;
 mod parallel;
 mod path;
@@ -35,7 +35,6 @@ mod rotation;
 mod scene;
 mod self_motion;
 mod solutions;
-mod spray;
 mod support;
 mod task;
 mod trajectory_sample;

@@ -13,7 +13,7 @@ use redundancy_core::planning::{Track, TrackSettings, track_beside};
 use redundancy_core::scene::{LinkGeometry, Proximity, Surroundings};
 use redundancy_core::velocity::{
     ActiveLimit, ContactSettings, Damping, ExtendedJacobian, Gain, LimitingPair, ProjectedGradient,
-    ReducedGradient, Resolver, SaturatedNullspace, StepInput, StepReport, sigma_min,
+    ReducedGradient, Resolver, SaturatedNullspace, Step, StepInput, sigma_min,
 };
 
 use crate::chain::PyChain;
@@ -422,7 +422,7 @@ fn read_basis(basis: &[i64]) -> PyResult<Vec<usize>> {
 pub struct PyStep {
     q: Vec<f64>,
     qd: Vec<f64>,
-    report: StepReport,
+    report: Step,
     active: Vec<ActiveLimit>,
     pairs: Vec<PairText>,
     chain: Py<PyChain>,
@@ -551,7 +551,7 @@ impl PyStep {
                 .find(|kind| kind.as_str() == word && joint < dof);
             kind.map(|kind| ActiveLimit { joint, kind, upper }).ok_or_else(unknown)
         };
-        let report = StepReport {
+        let report = Step {
             status,
             scale: numbers.0,
             damping: numbers.1,

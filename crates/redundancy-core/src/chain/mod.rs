@@ -13,8 +13,11 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod entries;
 mod extend;
 mod joint;
+mod published;
+mod units;
 mod windings;
 #[cfg(feature = "urdf")]
 pub(crate) mod xml;

@@ -170,7 +170,8 @@ fn finish(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Plan> {
     let line = match outcome {
         Outcome::Line(line) => line,
         Outcome::Nothing(reason) => {
-            return PlanBuilder::without_rows(names, Status::Infeasible)?.reason(reason).build();
+            let plan = PlanBuilder::without_rows(names, Status::Infeasible)?.reason(reason);
+            return plan.asking_about_units(&demand.chain, path).build();
         }
     };
     let n = demand.dof();
@@ -197,6 +198,7 @@ fn finish(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Plan> {
             line.iterations, line.slope
         ));
     }
+    builder = builder.asking_about_units(&demand.chain, path);
     let rows = q.len() / n;
     let poses: Vec<_> = q.chunks_exact(n).map(|q| demand.chain.forward_unchecked(q)).collect();
     let target = |row: usize| &demand.targets[row % demand.rows()];

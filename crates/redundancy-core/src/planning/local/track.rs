@@ -142,13 +142,13 @@ pub fn track_beside(
         Some(_) => TimedPath::new(path)?,
         None => TimedPath::new(&path.with_times(Some(&times_for(&*resolver, path, q0)?))?)?,
     };
-    let (first, rows) = (timed.span().0, rows_of(&timed, settings)?);
+    let (first, rows) = (timed.span().0, row_count(&timed, settings)?);
     if let Some(other) = around.filter(|around| around.chain() != &chain) {
         let (other, own) = (other.chain().name(), chain.name());
         return Err(Error::Invalid(format!("the surroundings are those of '{other}', not of '{own}'")));
     }
     let mut contact = around.map(ContactWatch::new);
-    let mut run = Run::new(&chain, rows);
+    let mut run = TrackRows::new(&chain, rows);
     let mut now = q0.to_vec();
     let (mut speed, mut before) = (vec![0.0; chain.dof()], vec![0.0; chain.dof()]);
     let mut scratch = Scratch::new(&chain);
@@ -183,11 +183,11 @@ pub fn track_beside(
         now.iter_mut().zip(&speed).for_each(|(q, qd)| *q += settings.dt * qd);
         before.copy_from_slice(&speed);
     }
-    run.finish(&chain, settings, interrupted, contact)
+    run.finish(&chain, path, settings, interrupted, contact)
 }
 
 /// Number of rows along a path with times.
-fn rows_of(timed: &TimedPath, settings: &TrackSettings) -> Result<usize> {
+fn row_count(timed: &TimedPath, settings: &TrackSettings) -> Result<usize> {
     let (first, last) = timed.span();
     if last > first && settings.dt > last - first {
         let bound = format!("<= {} s, the duration of the path", last - first);
@@ -217,18 +217,18 @@ impl Largest {
 }
 
 /// The rows of a run so far.
-struct Run {
+struct TrackRows {
     t: Vec<f64>,
     s: Vec<f64>,
     q: Vec<f64>,
     qd: Vec<f64>,
     poses: Vec<Pose>,
-    log: Log,
+    log: EventLog,
     position: Largest,
     orientation: Largest,
 }
 
-impl Run {
+impl TrackRows {
     fn new(chain: &Chain, rows: usize) -> Self {
         let n = chain.dof();
         Self {
@@ -237,7 +237,7 @@ impl Run {
             q: Vec::with_capacity(rows * n),
             qd: Vec::with_capacity(rows * n),
             poses: Vec::with_capacity(rows),
-            log: Log::new(chain.joints().iter().map(|j| j.name.clone()).collect()),
+            log: EventLog::new(chain.joints().iter().map(|j| j.name.clone()).collect()),
             position: Largest::default(),
             orientation: Largest::default(),
         }
@@ -254,6 +254,7 @@ impl Run {
     fn finish(
         self,
         chain: &Chain,
+        path: &Path,
         settings: &TrackSettings,
         interrupted: Option<Interrupted>,
         contact: Option<ContactWatch<'_>>,
@@ -286,6 +287,7 @@ impl Run {
         }
         let plan = builder
             .reason(reasons.join("; "))
+            .asking_about_units(chain, path)
             .legal(legal)
             .proven(status == Status::Converged)
             .s(self.s)
@@ -362,7 +364,7 @@ fn times_for(resolver: &dyn Resolver, path: &Path, q0: &[f64]) -> Result<Vec<f64
 
 /// Events: what begins, not what lasts.
 #[derive(Debug)]
-struct Log {
+struct EventLog {
     names: Vec<String>,
     events: Vec<Event>,
     row: usize,
@@ -376,7 +378,7 @@ struct Log {
     beyond: Vec<bool>,
 }
 
-impl Log {
+impl EventLog {
     fn new(names: Vec<String>) -> Self {
         Self {
             beyond: vec![false; names.len()],
@@ -401,7 +403,7 @@ impl Log {
         self.events.push(Event { kind, index: self.row, t: self.t, s: self.s, message });
     }
 
-    fn step(&mut self, report: &crate::velocity::StepReport, resolver: &dyn Resolver) {
+    fn step(&mut self, report: &crate::velocity::Step, resolver: &dyn Resolver) {
         if report.basis_changed {
             self.push(EventKind::BasisChange, format!("dependent joints are now {:?}", resolver.basis()));
         }

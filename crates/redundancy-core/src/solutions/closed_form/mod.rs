@@ -6,12 +6,11 @@
 
 mod form;
 mod gimbal;
+mod interval;
 mod lanes;
 mod lines;
-#[cfg(feature = "panda-class")]
 pub mod panda_class;
 pub mod parallel_axes;
-#[cfg(feature = "panda-class")]
 mod polish;
 mod registry;
 pub mod spherical_wrist;

@@ -1,7 +1,7 @@
 //! What became of a plan of the swivel, and why: points without a configuration, limits, reconfigurations.
 
 use super::clearance::Near;
-use super::problem::{Line, Problem};
+use super::problem::{SwivelLine, SwivelProblem};
 use super::settings::SwivelChoice;
 use crate::chain::Chain;
 use crate::error::Result;
@@ -19,12 +19,12 @@ use crate::watch::Interrupted;
 
 /// A line as far as it goes, and the verdict on it.
 #[derive(Debug, Clone)]
-pub(in crate::planning) struct Outcome {
+pub(in crate::planning) struct SwivelOutcome {
     status: Status,
     reason: String,
     /// Whether the verdict is exact.
     proven: bool,
-    line: Line,
+    line: SwivelLine,
     /// Why, for each reconfiguration of the line.
     obstructions: Vec<String>,
     blocked: Vec<BlockedPoint>,
@@ -35,13 +35,13 @@ pub(in crate::planning) struct Outcome {
     cost: Option<f64>,
 }
 
-impl Outcome {
+impl SwivelOutcome {
     fn without_line(status: Status, reason: String) -> Self {
         Self {
             status,
             reason,
             proven: false,
-            line: Line::default(),
+            line: SwivelLine::default(),
             obstructions: Vec::new(),
             blocked: Vec::new(),
             clearance: None,
@@ -92,6 +92,7 @@ impl Outcome {
         let mut builder =
             swivel_plan(Trajectory::new(names, t, q, None, events)?, status, line.swivel, line.branch)
                 .reason(reason)
+                .asking_about_units(chain, path)
                 .proven(proven)
                 .legal(status == Status::Converged)
                 .reconfigurations(changes)
@@ -123,9 +124,9 @@ pub(in crate::planning) fn swivel_plan(
     PlanBuilder::new(trajectory, status).spare("swivel", swivel).pieces(branch, labels)
 }
 
-impl Problem<'_> {
+impl SwivelProblem<'_> {
     /// The outcome when points have no configuration within the limits.
-    pub fn blocked(&self) -> Option<Outcome> {
+    pub fn blocked(&self) -> Option<SwivelOutcome> {
         let blocked: Vec<usize> = self.where_all(|k| self.circles[k].status() != Status::Converged);
         let k = *blocked.first()?;
         let (count, n, motion) = (blocked.len(), self.circles.len(), &self.circles[k]);
@@ -139,11 +140,11 @@ impl Problem<'_> {
             BlockedPoint { row, status: motion.status(), reason: motion.reason() }
         };
         let blocked = blocked.into_iter().map(point).collect();
-        Some(Outcome { proven: true, blocked, ..Outcome::without_line(motion.status(), reason) })
+        Some(SwivelOutcome { proven: true, blocked, ..SwivelOutcome::without_line(motion.status(), reason) })
     }
 
     /// The verdict on a line, with the reason where it is not whole.
-    pub fn finish(&self, line: Line) -> Outcome {
+    pub fn finish(&self, line: SwivelLine) -> SwivelOutcome {
         let n = self.circles.len();
         if let Some(outcome) = (line.q.len() < n).then(|| self.behind_obstacles()).flatten() {
             return outcome;
@@ -186,11 +187,11 @@ impl Problem<'_> {
             self.cost_of(&line.swivel, &line.q, &near)
         });
         let cost = cost.filter(|cost| cost.is_finite());
-        Outcome { status, reason, proven, line, obstructions, blocked, clearance, self_clearance, cost }
+        SwivelOutcome { status, reason, proven, line, obstructions, blocked, clearance, self_clearance, cost }
     }
 
     /// Distances from the obstacles and of links from each other along a line, of all links.
-    fn clearances(&self, line: &Line) -> [Option<Vec<f64>>; 2] {
+    fn clearances(&self, line: &SwivelLine) -> [Option<Vec<f64>>; 2] {
         let Some(o) = &self.obstacles else { return [None, None] };
         let rows = (0..line.q.len()).into_par_iter();
         let near: Vec<[f64; 2]> = rows.map(|k| o.arm.row(&line.q[k], o.times[k])).collect();
@@ -199,7 +200,7 @@ impl Problem<'_> {
     }
 
     /// What the pose holds in contact along a line: at its points, or else between them.
-    fn forced_contact(&self, line: &Line) -> Option<String> {
+    fn forced_contact(&self, line: &SwivelLine) -> Option<String> {
         let o = self.obstacles.as_ref().filter(|o| !o.arm.held.is_empty())?;
         let advice = "no swivel changes that; allow this contact, or change the path";
         let other = |thing: Thing| match thing {
@@ -265,7 +266,7 @@ impl Problem<'_> {
     }
 
     /// The outcome when obstacles cover every configuration within the limits of some points.
-    fn behind_obstacles(&self) -> Option<Outcome> {
+    fn behind_obstacles(&self) -> Option<SwivelOutcome> {
         self.obstacles.as_ref()?;
         let n = self.circles.len();
         let blocked: Vec<BlockedPoint> = (0..n)
@@ -281,7 +282,7 @@ impl Problem<'_> {
             "{count} of {n} points {verb} blocked by obstacles at every swivel; the first is point {}: {}",
             first.row, first.reason
         );
-        Some(Outcome { blocked, ..Outcome::without_line(Status::Collision, reason) })
+        Some(SwivelOutcome { blocked, ..SwivelOutcome::without_line(Status::Collision, reason) })
     }
 
     /// Which limits the branches break at the fixed swivel of point `k`, the least bad first.
@@ -303,7 +304,7 @@ impl Problem<'_> {
     }
 
     /// What stands in the way of going on as before at a reconfiguration.
-    fn step_reason(&self, k: usize, line: &Line) -> String {
+    fn step_reason(&self, k: usize, line: &SwivelLine) -> String {
         let all = self.circles[k].all_branches(line.swivel[k - 1]);
         let q = &all[line.branch[k - 1]];
         for i in 0..7 {

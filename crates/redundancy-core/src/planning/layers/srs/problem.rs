@@ -5,11 +5,13 @@ use std::f64::consts::PI;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::clearance::{ArmClearance, Around, Near, OverPose};
+use super::clearance::Near;
+use super::obstacles::SceneAlongPath;
 use super::settings::{SwivelChoice, SwivelPlanSettings};
+use super::windings::Windings;
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
-use crate::joint_space::{TURN, holds, turned, turns_over, turns_within};
+use crate::joint_space::{TURN, holds, nearest};
 use crate::kinematics::{Scratch, Task};
 use crate::parallel::prelude::*;
 use crate::path::Path;
@@ -24,138 +26,10 @@ const MANIPULABILITY_SAMPLES: usize = 2_000;
 const CLEARANCE_STEEP: f64 = 100.0;
 /// Largest value of the limit term of one joint: at the limit itself it would be infinite.
 const LIMIT_CAP: f64 = 1e3;
-/// Distance (m) from obstacles beyond which distances need not be told apart, at least.
-const CLEARANCE_BEYOND: f64 = 0.05;
-/// Most windings of all joints together. Beyond, the later joints count as free, and the line is checked at its end.
-const MAX_WINDINGS: usize = 243;
 
-/// Windings as one number: digit i is the turns added to joint i, less the least that its limits admit.
-pub(in crate::planning) struct Windings {
-    least: [i32; 7],
-    count: [usize; 7],
-    stride: [usize; 7],
-    pub total: usize,
-    /// Turns of each joint by code.
-    pub turns: Vec<[f64; 7]>,
-    /// Whether principal values that wrap are the same position, or another winding of it; else the joint cannot turn so
-    /// far.
-    pub wraps: [bool; 7],
-}
-
-impl Windings {
-    fn new(lower: &[f64; 7], upper: &[f64; 7]) -> Self {
-        let (mut least, mut count, mut stride, mut total) = ([0; 7], [1; 7], [0; 7], 1usize);
-        let mut wraps = [false; 7];
-        for i in 0..7 {
-            if lower[i] == f64::NEG_INFINITY || upper[i] == f64::INFINITY {
-                wraps[i] = true;
-                continue;
-            }
-            // Principal values are in (-pi, pi]: turns k for which (-pi, pi] + k turns meets the range.
-            let (a, b) = (lower[i].max(-2.0 * TURN), upper[i].min(2.0 * TURN));
-            let [first, last] = turns_within([-PI, PI], a, b);
-            least[i] = first as i32;
-            count[i] = (last as i32 - least[i] + 1).clamp(1, 5) as usize;
-            if total * count[i] > MAX_WINDINGS {
-                (count[i], least[i]) = (1, 0);
-                wraps[i] = true;
-                continue;
-            }
-            wraps[i] = count[i] > 1;
-            stride[i] = total;
-            total *= count[i];
-        }
-        let mut windings = Self { least, count, stride, total, turns: Vec::new(), wraps };
-        windings.turns = (0..total).map(|code| windings.turns_of(code)).collect();
-        windings
-    }
-
-    fn turns_of(&self, code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| {
-            let digit = if self.count[i] > 1 { code / self.stride[i] % self.count[i] } else { 0 };
-            f64::from(self.least[i] + digit as i32)
-        })
-    }
-
-    /// Whether the windings of a joint are states of their own.
-    #[inline(always)]
-    pub fn counts(&self, joint: usize) -> bool {
-        self.count[joint] > 1
-    }
-
-    /// Whether a joint has no limits, so that all of its windings are alike.
-    #[inline(always)]
-    pub fn free(&self, joint: usize) -> bool {
-        self.wraps[joint] && self.count[joint] == 1
-    }
-
-    /// The joints whose windings count.
-    pub fn several(&self) -> impl Iterator<Item = usize> {
-        (0..7).filter(|i| self.counts(*i))
-    }
-
-    /// Positions of a node with the windings of a code.
-    pub fn wound(&self, q: &[f64; 7], code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| if self.counts(i) { turned(q[i], self.turns[code][i]) } else { q[i] })
-    }
-
-    /// The code from which one comes to `code` by `turns` full turns less; `None` where a joint has no such winding.
-    pub fn shifted(&self, code: usize, turns: &[i32; 7]) -> Option<usize> {
-        let mut out = code;
-        for i in self.several() {
-            let digit = (code / self.stride[i] % self.count[i]) as i32 + turns[i];
-            if digit < 0 || digit >= self.count[i] as i32 {
-                return None;
-            }
-            out = out.wrapping_add_signed(self.stride[i] as isize * turns[i] as isize);
-        }
-        Some(out)
-    }
-}
-
-/// Full turns by which `b` is further than the short way from `a`, of the joints that may wrap.
-#[inline(always)]
-pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
-    std::array::from_fn(|i| if windings.wraps[i] { turns_over(b[i] - a[i]) } else { 0 })
-}
-
-/// What the arm keeps a distance from along the path.
-pub(in crate::planning) struct Obstacles {
-    pub arm: ArmClearance,
-    /// The times of the points; 0 where the path has none.
-    pub times: Vec<f64>,
-    over: Vec<Option<OverPose>>,
-    /// The wanted clearance, and the distance beyond which others are not told apart, m.
-    reach: (f64, f64),
-}
-
-impl Obstacles {
-    /// `None` where there is nothing to keep a distance from.
-    fn new(arm: &SrsArm, path: &Path, settings: &SwivelPlanSettings) -> Result<Option<Self>> {
-        let around = Around {
-            links: settings.links.as_ref(),
-            link_radius: settings.link_radius,
-            scene: settings.scene.as_ref().filter(|scene| !scene.obstacles().is_empty()),
-            self_collision: settings.self_collision,
-        };
-        if around.scene.is_none() && !around.self_collision {
-            return Ok(None);
-        }
-        let near = ArmClearance::new(arm, &around)?;
-        if near.is_empty() {
-            return Ok(None);
-        }
-        let times = path.t().map_or_else(|| vec![0.0; path.len()], <[f64]>::to_vec);
-        let beyond = settings.wanted_clearance.max(CLEARANCE_BEYOND);
-        let poses = path.poses();
-        let over = (0..poses.len()).into_par_iter().map(|k| near.over(&poses[k], times[k], beyond)).collect();
-        Ok(Some(Self { arm: near, times, over, reach: (settings.wanted_clearance, beyond) }))
-    }
-}
-
-/// A choice for every point.
+/// A choice for every point, and what it costs by the search that found it.
 #[derive(Debug, Clone, Default)]
-pub(in crate::planning) struct Line {
+pub(in crate::planning) struct SwivelLine {
     pub branch: Vec<usize>,
     pub swivel: Vec<f64>,
     pub q: Vec<[f64; 7]>,
@@ -163,7 +37,8 @@ pub(in crate::planning) struct Line {
     pub cost: f64,
 }
 
-pub(in crate::planning) struct Problem<'a> {
+/// See the module.
+pub(in crate::planning) struct SwivelProblem<'a> {
     pub arm: &'a SrsArm,
     pub settings: &'a SwivelPlanSettings,
     pub circles: Vec<SelfMotion>,
@@ -176,9 +51,9 @@ pub(in crate::planning) struct Problem<'a> {
     pub parts: Vec<f64>,
     /// Largest joint steps between point k and k + 1.
     pub steps: Vec<[f64; 7]>,
-    pub windings: Windings,
+    pub(super) windings: Windings,
     pub branches: Vec<usize>,
-    pub obstacles: Option<Obstacles>,
+    pub(super) obstacles: Option<SceneAlongPath>,
     /// Where the manipulability counts: its measure, and the largest value seen.
     dexterity: Option<(Manipulability, f64)>,
     /// Numbers of the points on the path.
@@ -214,7 +89,7 @@ fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
     best
 }
 
-impl<'a> Problem<'a> {
+impl<'a> SwivelProblem<'a> {
     pub fn new(
         arm: &'a SrsArm,
         path: &Path,
@@ -223,7 +98,7 @@ impl<'a> Problem<'a> {
     ) -> Result<Self> {
         let n = circles.len();
         let t = path.t();
-        let obstacles = Obstacles::new(arm, path, settings)?;
+        let obstacles = SceneAlongPath::new(arm, path, settings)?;
         let dexterity = (settings.manipulability_weight > 0.0).then(|| {
             let measure = Manipulability::with_measure(arm.chain(), Task::POSE, Measure::Sqrt);
             let best = best_manipulability(arm, &measure);
@@ -294,20 +169,12 @@ impl<'a> Problem<'a> {
 
     /// How near the arm is at point `k` at swivel `s`, of the branches in `mask`.
     pub fn distances(&self, k: usize, s: f64, q: &[[f64; 7]; 8], mask: u8) -> [Near; 8] {
-        match &self.obstacles {
-            None => [Near::FAR; 8],
-            Some(o) => {
-                o.arm.of_branches(&self.circles[k], o.over[k].as_ref(), (s, q, mask), o.times[k], o.reach)
-            }
-        }
+        self.obstacles.as_ref().map_or([Near::FAR; 8], |o| o.of_branches(&self.circles[k], k, s, q, mask))
     }
 
     /// How near one branch is.
     pub fn distance(&self, k: usize, s: f64, q: &[f64; 7]) -> Near {
-        match &self.obstacles {
-            None => Near::FAR,
-            Some(o) => o.arm.of_one(&self.circles[k], o.over[k].as_ref(), (s, q), o.times[k], o.reach),
-        }
+        self.obstacles.as_ref().map_or(Near::FAR, |o| o.of_one(&self.circles[k], k, s, q))
     }
 
     /// Whether some winding of each joint holds the limits.
@@ -368,7 +235,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Cost of being at `q` with swivel `s` at point `k`, times the part of the path that belongs to the point; `place`
-    /// is [`Problem::place_cost`].
+    /// is [`SwivelProblem::place_cost`].
     pub fn node_cost(&self, k: usize, q: &[f64; 7], s: f64, place: f64) -> f64 {
         let limits: f64 = self.limit_costs(q).iter().sum();
         (place + self.wish_cost(k, s) + limits) * self.share(k)
@@ -395,8 +262,35 @@ impl<'a> Problem<'a> {
         Some(self.step_weight(k) * sum)
     }
 
-    /// Whether what the swivel moves is clear all the way between point `k` and the next, when the joints go straight from `a`
-    /// to `b`. `near`: the distances at both.
+    /// Total cost of a line whose distances from the obstacles are known.
+    pub fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[Near]) -> f64 {
+        let init = || Scratch::new(self.arm.chain());
+        let points: Vec<f64> = (0..q.len())
+            .into_par_iter()
+            .map_init(init, |scratch, k| {
+                let place = self.place_cost(&q[k], near[k], scratch);
+                place.map_or(f64::INFINITY, |place| self.node_cost(k, &q[k], swivel[k], place))
+            })
+            .collect();
+        // In order, so that the sum does not depend on the threads.
+        let mut total: f64 = points.iter().sum();
+        for k in 1..q.len() {
+            total += self.step_cost(k - 1, &q[k - 1], &q[k]).unwrap_or(f64::INFINITY);
+        }
+        if self.settings.acceleration_weight > 0.0 {
+            for k in 1..q.len() - 1 {
+                let (a, b) = (1.0 / self.parts[k - 1], 1.0 / self.parts[k]);
+                let share = 0.5 * (self.parts[k - 1] + self.parts[k]);
+                let square: f64 =
+                    (0..7).map(|i| ((q[k + 1][i] - q[k][i]) * b - (q[k][i] - q[k - 1][i]) * a).powi(2)).sum();
+                total += self.settings.acceleration_weight * square / share;
+            }
+        }
+        total
+    }
+
+    /// Whether what the swivel moves is clear all the way between point `k` and the next, when the joints go straight;
+    /// `near` are the distances at both.
     pub fn edge_is_clear(
         &self,
         k: usize,
@@ -404,12 +298,11 @@ impl<'a> Problem<'a> {
         near: [f64; 2],
         memory: &mut Option<SweepMemory>,
     ) -> bool {
-        let Some(o) = &self.obstacles else { return true };
-        o.arm.edge_is_clear(ends, [o.times[k], o.times[k + 1]], near, memory)
+        self.obstacles.as_ref().is_none_or(|obstacles| obstacles.edge_is_clear(k, ends, near, memory))
     }
 
     /// The points after which a line touches an obstacle before the next one.
-    pub fn touching(&self, line: &Line) -> Vec<usize> {
+    pub fn touching(&self, line: &SwivelLine) -> Vec<usize> {
         if self.obstacles.is_none() {
             return Vec::new();
         }
@@ -437,12 +330,7 @@ impl<'a> Problem<'a> {
             .windows(2)
             .map(|w| std::array::from_fn(|i| sum(w, &|k| self.steps[k][i]).min(JOINT_JUMP)))
             .collect();
-        let obstacles = self.obstacles.as_ref().map(|o| Obstacles {
-            arm: o.arm.clone(),
-            times: kept.iter().map(|k| o.times[*k]).collect(),
-            over: kept.iter().map(|k| o.over[*k].clone()).collect(),
-            reach: o.reach,
-        });
+        let obstacles = self.obstacles.as_ref().map(|obstacles| obstacles.at_points(&kept));
         let reconfiguration = dearest(self.settings, &parts, &steps);
         Self {
             arm: self.arm,
@@ -461,5 +349,60 @@ impl<'a> Problem<'a> {
             points: kept.iter().map(|k| self.points[*k]).collect(),
             reconfiguration,
         }
+    }
+
+    /// A line on thinned points as one on all points, with the swivel linear in between; `None` where that breaks a limit
+    /// or touches an obstacle.
+    pub fn spread(&self, thin: &SwivelLine, stride: usize) -> Option<SwivelLine> {
+        let n = self.circles.len();
+        let (mut swivel, mut branch) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for k in 0..n {
+            let (at, last) = (k / stride, (k / stride + 1).min(thin.swivel.len() - 1));
+            let length = if (at + 1) * stride < n { stride } else { (n - 1 - at * stride).max(1) };
+            let share = (k - at * stride) as f64 / length as f64;
+            swivel.push(thin.swivel[at] + share * (thin.swivel[last] - thin.swivel[at]));
+            branch.push(thin.branch[at]);
+        }
+        let (q, _) = self.along(&swivel, &branch, &thin.q[0])?;
+        Some(SwivelLine { branch, swivel, q, reconfigurations: Vec::new(), cost: thin.cost })
+    }
+
+    /// The joint positions along swivels, unwound from `first` on, and the distances from the obstacles; `None` where they
+    /// break a limit, step too far or touch an obstacle, at a point or between two.
+    pub fn along(
+        &self,
+        swivel: &[f64],
+        branch: &[usize],
+        first: &[f64; 7],
+    ) -> Option<(Vec<[f64; 7]>, Vec<Near>)> {
+        let (mut rows, near): (Vec<[f64; 7]>, Vec<Near>) = swivel
+            .par_iter()
+            .enumerate()
+            .map(|(k, s)| {
+                let q = self.circles[k].branch_of(*s, branch[k]);
+                (q, self.distance(k, *s, &q))
+            })
+            .unzip();
+        let mut before = *first;
+        for (k, q) in rows.iter_mut().enumerate() {
+            for i in 0..7 {
+                q[i] = nearest(q[i], before[i]);
+                let step = k == 0 || (q[i] - before[i]).abs() <= self.steps[k - 1][i];
+                if !(step && q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
+                    return None;
+                }
+            }
+            if near[k].least <= 0.0 {
+                return None;
+            }
+            before = *q;
+        }
+        let edge = |memory: &mut Option<SweepMemory>, k: usize| {
+            let ends = [near[k - 1].least, near[k].least];
+            self.edge_is_clear(k - 1, [&rows[k - 1], &rows[k]], ends, memory)
+        };
+        let clear = self.obstacles.is_none()
+            || (1..rows.len()).into_par_iter().map_init(|| None, edge).all(|clear| clear);
+        clear.then_some((rows, near))
     }
 }

@@ -23,9 +23,6 @@
 //! - C on axis 1 with `b = 0`: joint 1 is free, and 0 or the limit nearest to it is taken (the given value in `nearest`).
 //! - The stretched or folded elbow, C at the distance `|y|` from axis 1, and a wrist at its end are one branch each, not two.
 //!
-//! Known gap: at and next to singular poses (wrist, stretched elbow) configurations can be missed, and `nearest` may return another
-//! one than the nearest.
-//!
 //! # References
 //! The decomposition is that of `[Hawkins2013]` for the UR arms, for axes at any angles.
 
@@ -41,6 +38,7 @@ use crate::joint_space::{TURN, nearest_within, outside, within, wrap, wrap_four,
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::lanes::{Turns, all};
+use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, at, signs};
 use crate::tolerance::{
     GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
@@ -139,7 +137,7 @@ struct Wrist {
 struct Found {
     /// Bit `b`: row `b` is a configuration, limits aside.
     mask: u8,
-    /// Some wrist is singular: joint 6 was chosen, or rounding of it can have moved the arm out of reach.
+    /// Some wrist is singular or next to it: joint 6 was chosen, or is no better than its rounding.
     singular: bool,
     /// Sine of the angle of axis 6 against m in each lane.
     height: [f64; 4],
@@ -180,7 +178,8 @@ impl ParallelAxesArm {
     }
 
     /// Configurations over `pose`, in branch order: with `limits` those within the joint limits, in the winding that
-    /// holds them; without, all distinct ones (up to eight) in principal values. Empty when there is none:
+    /// holds them; without, all distinct ones (up to eight) in principal values. Those of an arm with a defect are polished by
+    /// Newton's method, here and not in the other methods. Empty when there is none:
     /// [`ParallelAxesArm::configurations`](ParallelAxesArm::configurations) says why.
     ///
     /// # Errors
@@ -189,7 +188,9 @@ impl ParallelAxesArm {
         let pose = &checked_pose("pose", pose)?;
         let mut rows = [[0.0; 6]; 8];
         let mask = self.solve_into(pose, limits, &mut rows);
-        Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
+        let mut rows: Vec<_> = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect();
+        polish(self.chain(), self.defect(), pose, None, limits, &mut rows);
+        Ok(rows)
     }
 
     /// [`ParallelAxesArm::solve`] for checked input, without allocation: bit `b` of the result says that row `b` of
@@ -433,9 +434,8 @@ impl ParallelAxesArm {
                 out[4 * (lane / 2) + 2 * e + lane % 2] = row.map(wrap_sum);
             }
         }
-        let doubtful = wrist.height.simd_gt(all(GIMBAL_SINE)) & !out_of_reach;
-        let doubtful = wrist.height.simd_lt(all(SINGULAR_WRIST_SINE)) & !doubtful;
-        let (singular, on_axis) = (doubtful.to_bitmask() != 0, base.on_axis);
+        let singular = wrist.height.simd_lt(all(SINGULAR_WRIST_SINE)).to_bitmask() != 0;
+        let on_axis = base.on_axis;
         Found { mask, singular, height: wrist.height.to_array(), on_axis, miss }
     }
 
@@ -487,7 +487,7 @@ impl ParallelAxesArm {
     ) -> u8 {
         let Inner { lower, upper, .. } = &*self.inner;
         let plain = *rows;
-        let mut mask = if limits { self.mask_limits(found.mask, rows) } else { found.mask };
+        let before = if limits { self.mask_limits(found.mask, rows) } else { found.mask };
         let grid = (0..SINGULAR_WRIST).map(|k| wish + TURN * (k as f64 / SINGULAR_WRIST as f64 - 0.5));
         let ends = [wish, lower[5], upper[5]].into_iter().chain(self.stretched(target, free));
         let mut tries: Vec<f64> = grid
@@ -497,12 +497,8 @@ impl ParallelAxesArm {
             .map(|q| if limits { within(wrap(q), lower[5], upper[5]).unwrap_or(q) } else { wrap(q) })
             .collect();
         tries.sort_by(|a, b| (a - wish).abs().total_cmp(&(b - wish).abs()));
-        // Where joint 6 is free, the rows at hand are as good as any, but perhaps not the nearest to the wish.
-        for branch in 0..8 {
-            if found.height[lane_of(branch)] <= GIMBAL_SINE {
-                mask &= !(1 << branch);
-            }
-        }
+        // Where joint 6 is free, or says what rounding has made of it, the rows at hand are not the nearest to the wish.
+        let mut chosen = 0u8;
         let mut tried = [[0.0; 6]; 8];
         for q6 in tries {
             let free = Free { hand: [q6.cos(), q6.sin()], least: SINGULAR_WRIST_SINE, ..*free };
@@ -512,14 +508,15 @@ impl ParallelAxesArm {
                 // What another joint 6 costs in the pose.
                 let turned = 2.0 * (0.5 * (q6 - plain[branch][5])).sin().abs();
                 let height = found.height[lane_of(branch)];
-                let same = height <= GIMBAL_SINE || height * turned <= SINGULAR_WRIST_ROUNDING;
-                if same && valid & !mask & (1 << branch) != 0 {
+                let same = height <= GIMBAL_SINE
+                    || (height <= SINGULAR_WRIST_SINE && height * turned <= SINGULAR_WRIST_ROUNDING);
+                if same && valid & !chosen & (1 << branch) != 0 {
                     rows[branch] = tried[branch];
-                    mask |= 1 << branch;
+                    chosen |= 1 << branch;
                 }
             }
         }
-        mask
+        before | chosen
     }
 
     /// Values of joint 6, where the pose leaves it free, at which axis 4 is at the ends of the elbow's reach, or nearest to
