@@ -332,7 +332,10 @@ fn scenes_from_json() {
         (r#"{"obstacles": [{"type": "sphere", "center": [0, 0], "radius": 1}]}"#, "a list of 3 numbers"),
         (r#"{"obstacles": [{"type": "sphere", "center": [0, 0, "1"], "radius": 1}]}"#, "a list of 3 numbers"),
         (r#"{"obstacles": [{"type": "sphere", "center": [0, 0, 0], "radius": -0.5}]}"#, "radius is -0.5"),
-        (r#"{"obstacles": [{"type": "sphere", "center": [0, 0, 0], "raduis": 0.5}]}"#, "radius is missing"),
+        (
+            r#"{"obstacles": [{"type": "sphere", "center": [0, 0, 0], "raduis": 0.5}]}"#,
+            "unknown key 'raduis'",
+        ),
         (
             r#"{"obstacles": [{"type": "sphere", "center": [0, 0, 0], "radius": 1, "colour": 3}]}"#,
             "unknown key 'colour'",

@@ -27,7 +27,7 @@ def blob(rng: np.random.Generator, half: Array, n: int = 40) -> Array:
     return np.asarray(points / np.linalg.norm(points, axis=1)[:, None] * half)
 
 
-def hull(points: Array) -> coal.ConvexBase32:
+def hull(points: Array) -> Any:
     model = coal.BVHModelOBBRSS()
     model.beginModel(1, len(points))
     model.addVertices(points)

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
-use super::{Raw, check_count, number, push_fan, shown};
+use super::text::{Raw, check_count, number, push_fan, shown};
 use crate::chain::xml;
 use crate::error::{Error, Result};
 use crate::tolerance::{MESH_BYTES, MESH_NODES, MESH_VERTICES};

@@ -15,6 +15,7 @@ mod dae;
 mod locate;
 mod obj;
 mod stl;
+mod text;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -24,6 +25,7 @@ use nalgebra::Vector3;
 
 pub use locate::locate;
 
+use self::text::check_count;
 use crate::error::{Error, Result};
 use crate::tolerance::{MESH_BYTES, MESH_FACES, MESH_VERTICES, SCENE_SIZE};
 
@@ -182,45 +184,4 @@ impl TriangleMesh {
         let tetrahedra = self.faces().iter().map(|f| corner(f[0]).dot(&corner(f[1]).cross(&corner(f[2]))));
         tetrahedra.sum::<f64>() / 6.0
     }
-}
-
-fn check_count(what: &str, value: usize, bound: usize) -> Result<()> {
-    if value <= bound {
-        return Ok(());
-    }
-    let bound = format!("<= {bound}");
-    Err(Error::OutOfRange { what: format!("number of {what} of a mesh"), value: value as f64, bound })
-}
-
-/// What a reader returns: vertices, and faces that name them by index.
-type Raw = (Vec<[f64; 3]>, Vec<[u32; 3]>);
-
-/// A polygon as a fan of triangles around its first corner.
-fn push_fan(faces: &mut Vec<[u32; 3]>, corners: &[u32]) -> Result<()> {
-    for pair in corners.windows(2).skip(1) {
-        faces.push([corners[0], pair[0], pair[1]]);
-    }
-    check_count("faces", faces.len(), MESH_FACES)
-}
-
-/// The error with the number of the line, from 1.
-fn at_line(line: usize, message: impl std::fmt::Display) -> Error {
-    Error::Invalid(format!("line {line}: {message}"))
-}
-
-/// A finite number.
-fn number(word: &str) -> Result<f64> {
-    match word.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(Error::Invalid(format!("'{}' is not a finite number", shown(word)))),
-    }
-}
-
-/// A word for a message, cut where it is long.
-fn shown(word: &str) -> String {
-    const LONGEST: usize = 40;
-    if word.chars().count() <= LONGEST {
-        return word.into();
-    }
-    word.chars().take(LONGEST).chain("...".chars()).collect()
 }

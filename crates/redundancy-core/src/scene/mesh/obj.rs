@@ -1,6 +1,6 @@
 //! Wavefront OBJ: vertices and polygons.
 
-use super::{Raw, at_line, number, push_fan, shown};
+use super::text::{Raw, at_line, number, push_fan, shown};
 use crate::error::{Error, Result};
 use crate::tolerance::MESH_VERTICES;
 

@@ -1,6 +1,6 @@
 //! STL: triangles with their corners written out.
 
-use super::{Raw, at_line, number};
+use super::text::{Raw, at_line, number};
 use crate::error::{Error, Result};
 use crate::tolerance::{MESH_FACES, MESH_VERTICES};
 
