@@ -228,7 +228,7 @@ fn singular_poses_are_defined() {
             let distance = near_q.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
             // Where two joints are at an end, rounding of one moves the other by its root.
             let bound = if k % 3 == 2 { 2e-3 } else { 1e-6 };
-            assert!(distance < bound, "{k} {near:e} {distance:e} {near_q:?} {q:?}");
+            assert!(distance < bound, "{k} {near:e} {distance:e} {near_q:?} {q:?} {}", chain.name());
             wrists += usize::from(k % 3 == 0 && near == 0.0);
         }
     }

@@ -169,7 +169,8 @@ fn curves_close_with_tangents_in_the_kernel() {
                             .map(|r| (0..7).map(|j| jacobian[(r, j)] * tangent[j]).sum::<f64>().abs())
                             .fold(0.0, f64::max);
                         assert!(moved < 1e-9 * norm + 10.0 * bound * norm, "{moved:e} {norm} {piece} {u}");
-                        let h = 1e-6;
+                        // Rounding of a curve next to a singular pose is up to 1e-9: a shorter step would only show that.
+                        let h = 1e-5;
                         let (a, b) = (at(&motion, piece, u - h), at(&motion, piece, u + h));
                         for i in 0..7 {
                             let slope = wrap(b[i] - a[i]) / (2.0 * h);

@@ -44,6 +44,13 @@ pub const POLISH_DEFECT: f64 = 1e-12;
 /// Longest Newton step (rad) of a polish: the square root of the largest defect that is accepted.
 pub const POLISH_REACH: f64 = 0.03;
 
+/// Square of the component of a chord along the normal, per metre of chord and per metre of an arm's defect, that the defect may
+/// create or take away: the square moves by twice the chord times what the chord is off, which is twice the defect.
+pub const FOLD_DEFECT: f64 = 4.0;
+
+/// Joints of two polished configurations (rad, modulo turns) below which they are the same one.
+pub const SAME_ROW: f64 = 1e-8;
+
 /// Share of the squared length of a chord by which its component along the normal may come out negative: rounding.
 pub const ROOM_ROUNDING: f64 = 1e-13;
 
