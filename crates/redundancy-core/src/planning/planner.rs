@@ -59,20 +59,38 @@ fn solve(demand: &Demand, watch: &Watch) -> Outcome {
         lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &COARSE)).collect();
     let _ = watch.report(0.7);
     refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
-    refined.truncate(FINE_LINES);
-    let fine: Vec<Refined> = refined
-        .into_iter()
-        .filter_map(|line| {
-            let all: Vec<usize> = (0..demand.rows()).collect();
-            let q = fill(demand, &middle, &line.q, &all).ok()?;
-            minimise(demand, q, &FINE)
-        })
-        .collect();
-    let best = fine.into_iter().min_by(|a, b| score(demand, a).total_cmp(&score(demand, b)));
+    let all: Vec<usize> = (0..demand.rows()).collect();
+    let mut best: Option<Refined> = None;
+    for (k, line) in distinct(&coarse, refined).into_iter().enumerate() {
+        if k >= FINE_LINES && best.as_ref().is_some_and(|best| best.violation <= LEGAL) {
+            break;
+        }
+        let Ok(q) = fill(demand, &middle, &line.q, &all) else { continue };
+        let Some(line) = minimise(demand, q, &FINE) else { continue };
+        if best.as_ref().is_none_or(|best| score(demand, &line) < score(demand, best)) {
+            best = Some(line);
+        }
+    }
     best.map_or_else(
         || Outcome::Nothing("the refinement failed".into()),
         |line| Outcome::Line(Box::new(line)),
     )
+}
+
+/// The lines without those that came to the same optimum as a better one.
+fn distinct(demand: &Demand, lines: Vec<Refined>) -> Vec<Refined> {
+    let rows = demand.rows() as f64;
+    let mut out: Vec<Refined> = Vec::new();
+    for line in lines {
+        let same = |other: &Refined| {
+            let square: f64 = line.q.iter().zip(&other.q).map(|(a, b)| (a - b).powi(2)).sum();
+            (square / rows).sqrt() < SAME_LINE
+        };
+        if !out.iter().any(same) {
+            out.push(line);
+        }
+    }
+    out
 }
 
 /// Lines of the search that are connected, on the rows `middle`.
@@ -114,8 +132,11 @@ fn minimise(demand: &Demand, q: Vec<f64>, how: &Refinement) -> Option<Refined> {
     if demand.objective != Objective::PeakSpeed {
         return refine(demand, q, how);
     }
-    let motion = refine(demand, q, how)?;
-    let peak = refine(demand, motion.q, &Refinement { goal: Goal::Peak, ..*how })?;
+    let mut peak = refine(demand, q, how)?;
+    for weight in PEAK_WEIGHTS {
+        peak =
+            refine(demand, peak.q, &Refinement { goal: Goal::Peak(weight), barrier: PEAK_BARRIER, ..*how })?;
+    }
     let cap = demand.peak_speed(&peak.q) * (1.0 + PEAK_SLACK);
     refine(demand, peak.q, &Refinement { goal: Goal::Capped(cap), ..*how })
 }
@@ -251,9 +272,14 @@ const MIDDLE_ROWS: usize = 6;
 /// Lines that are refined on some rows, and on all.
 const LINES: usize = 8;
 const FINE_LINES: usize = 2;
+/// Root mean square distance (rad) below which two refined lines are the same.
+const SAME_LINE: f64 = 0.02;
 /// Times that the search is repeated because steps were not connected.
 const REPEATS: usize = 30;
 /// Room of the cap above the least peak speed.
 const PEAK_SLACK: f64 = 1e-3;
+/// How much more the peak speed counts than the cost, step by step, and the first barrier of each.
+const PEAK_WEIGHTS: [f64; 3] = [0.3, 3.0, 30.0];
+const PEAK_BARRIER: f64 = 1e-2;
 /// Violation (rad or m) that rounding explains.
 const LEGAL: f64 = 1e-9;

@@ -142,7 +142,8 @@ impl<'a> Puller<'a> {
                 *q -= scale * d;
             }
             if length <= pull.done {
-                return true;
+                // Directions that the rows have lost do not show in the step.
+                return c.iter().all(|c| c.abs() <= LOST * pull.done);
             }
         }
         false
@@ -161,6 +162,9 @@ pub(super) fn wind_into(q: &mut [f64], demand: &Demand) {
     }
 }
 
+/// Residual, per unit of the last step, above which equations contradict each other: joints move the tool by no more than
+/// the arm's length.
+const LOST: f64 = 20.0;
 /// A joint this little outside its limit is on it, rad or m.
 const HELD_ROUNDING: f64 = 1e-12;
 /// Most joints of a chain that is planned for.

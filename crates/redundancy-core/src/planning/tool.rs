@@ -521,3 +521,141 @@ fn add_symmetric(n: usize, out: &mut [f64], f: impl Fn(usize, usize) -> f64) {
 
 /// Least `w^2 + x^2` that a twist is divided by: half a turn of swing, where the twist is undefined.
 const TWIST_FLOOR: f64 = 1e-9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::catalog;
+    use crate::kinematics::Scratch;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const STEP: f64 = 1e-4;
+
+    fn tasks() -> Vec<ToolTask> {
+        let axis = [0.3, -0.2, 0.9];
+        let freedom = |half_angle, spin| ToolFreedom::new(half_angle, spin, axis);
+        let free = SpinFreedom::Free;
+        let mut out = Vec::new();
+        for (half_angle, spin) in [
+            (0.0, SpinFreedom::Within(0.0)),
+            (0.0, free),
+            (0.0, SpinFreedom::Within(0.7)),
+            (0.4, SpinFreedom::Within(0.0)),
+            (0.4, SpinFreedom::Within(0.7)),
+            (0.4, free),
+        ] {
+            out.extend(freedom(half_angle, spin).and_then(|f| ToolTask::new(None, &f, true)));
+        }
+        out.extend(ToolTask::new(None, &ToolFreedom::NONE, false));
+        assert_eq!(out.len(), 7);
+        out
+    }
+
+    /// A configuration on the task of a target, and a direction in joint space.
+    fn drawn(rng: &mut ChaCha8Rng, task: &ToolTask) -> (Vec<f64>, Vec<f64>, Target) {
+        let chain = arm();
+        let q: Vec<f64> = (0..7).map(|_| rng.random_range(-2.0..2.0)).collect();
+        let d: Vec<f64> = (0..7).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let mut pose = chain.forward_unchecked(&q);
+        let turn = |rng: &mut ChaCha8Rng, size: f64| {
+            Rotation3::from_scaled_axis(Vector3::from_fn(|_, _| rng.random_range(-size..size)))
+        };
+        // What is free is away from the target, what is not is on it.
+        let spin = Rotation3::from_axis_angle(&task.axis, rng.random_range(-0.6..0.6));
+        pose.rotation = match task.orientation {
+            OrientationRows::Open => pose.rotation * turn(rng, 0.2),
+            OrientationRows::Axis => pose.rotation * spin,
+            OrientationRows::Twist => {
+                let across = axis_onto_z(&task.axis) * Vector3::new(0.2, -0.15, 0.0);
+                pose.rotation * Rotation3::from_scaled_axis(across)
+            }
+            OrientationRows::Full | OrientationRows::Heading => pose.rotation,
+        };
+        (q, d, task.target(&pose))
+    }
+
+    fn arm() -> crate::chain::Chain {
+        match catalog::load("panda") {
+            Ok(chain) => chain,
+            Err(error) => unreachable!("{error}"),
+        }
+    }
+
+    fn moved(q: &[f64], d: &[f64], t: f64) -> Vec<f64> {
+        q.iter().zip(d).map(|(q, d)| q + t * d).collect()
+    }
+
+    #[test]
+    fn equations_and_bounds_have_the_derivatives_that_they_claim() {
+        let chain = arm();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut scratch = Scratch::new(&chain);
+        for task in tasks() {
+            let (rows, bounds) = (task.rows(), task.bounds());
+            for _ in 0..100 {
+                let (q, d, target) = drawn(&mut rng, &task);
+                let mut c = vec![0.0; rows];
+                let mut jacobian = vec![0.0; rows * 7];
+                let mut at =
+                    |q: &[f64], c: &mut [f64], jacobian: &mut [f64], h: &mut [f64], g: &mut [f64]| {
+                        let kinematics = chain.kinematics_unchecked(q, &mut scratch);
+                        task.linearise(&kinematics, &target, c, jacobian);
+                        task.write_bounds(&kinematics, &target, h, g);
+                    };
+                let (mut h, mut g) = ([0.0; MOST_BOUNDS], vec![0.0; 7 * MOST_BOUNDS]);
+                at(&q, &mut c, &mut jacobian, &mut h, &mut g);
+                assert!(c.iter().all(|c| c.abs() < 1e-12), "{task:?} {c:?}");
+                let (mut c1, mut c2) = (c.clone(), c.clone());
+                let (mut h1, mut h2) = (h, h);
+                let (mut rest, mut rest_g) = (jacobian.clone(), g.clone());
+                at(&moved(&q, &d, STEP), &mut c1, &mut rest, &mut h1, &mut rest_g);
+                at(&moved(&q, &d, -STEP), &mut c2, &mut rest, &mut h2, &mut rest_g);
+                let kinematics = chain.kinematics_unchecked(&q, &mut scratch);
+                for r in 0..rows {
+                    let slope: f64 = (0..7).map(|i| jacobian[i * rows + r] * d[i]).sum();
+                    assert!((slope - (c1[r] - c2[r]) / (2.0 * STEP)).abs() < 1e-6, "{task:?} row {r}");
+                    let mut multipliers = [0.0; MOST_ROWS];
+                    multipliers[r] = 1.0;
+                    let mut hessian = vec![0.0; 49];
+                    task.add_curvature(&kinematics, &target, &multipliers, &mut hessian);
+                    let second = (c1[r] - 2.0 * c[r] + c2[r]) / (STEP * STEP);
+                    assert!((quadratic(&hessian, &d) - second).abs() < 2e-5, "{task:?} row {r}");
+                }
+                for b in 0..bounds {
+                    let slope: f64 = (0..7).map(|i| g[b * 7 + i] * d[i]).sum();
+                    assert!((slope - (h1[b] - h2[b]) / (2.0 * STEP)).abs() < 1e-5, "{task:?} bound {b}");
+                    let mut weights = [0.0; MOST_BOUNDS];
+                    weights[b] = 1.0;
+                    let mut hessian = vec![0.0; 49];
+                    task.add_bound_curvature(&kinematics, &target, &weights, &mut hessian);
+                    let second = (h1[b] - 2.0 * h[b] + h2[b]) / (STEP * STEP);
+                    assert!((quadratic(&hessian, &d) - second).abs() < 1e-4, "{task:?} bound {b}");
+                }
+            }
+        }
+    }
+
+    fn quadratic(hessian: &[f64], d: &[f64]) -> f64 {
+        (0..7).map(|i| (0..7).map(|j| d[i] * hessian[i * 7 + j] * d[j]).sum::<f64>()).sum()
+    }
+
+    #[test]
+    fn tilt_and_spin_are_the_two_parts_of_the_rotation() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let Ok(freedom) = ToolFreedom::new(0.3, SpinFreedom::Free, [0.0, 0.0, 1.0]) else { return };
+        let Ok(task) = ToolTask::new(None, &freedom, true) else { return };
+        for _ in 0..200 {
+            let (tilt, spin) =
+                ([rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)], rng.random_range(-3.0..3.0));
+            let path = Rotation3::from_scaled_axis(Vector3::from_fn(|_, _| rng.random_range(-2.0..2.0)));
+            let swing = Rotation3::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0));
+            let turned = path * swing * Rotation3::from_axis_angle(&Vector3::z_axis(), spin);
+            let at = |r: Rotation3<f64>| Pose::from_parts(nalgebra::Translation3::identity(), r);
+            let target = task.target(&at(path));
+            assert!((task.spin_of(&at(turned), &target) - spin).abs() < 1e-12);
+            let found = task.tilt_of(&at(turned), &target);
+            assert!((found[0] - tilt[0]).abs() < 1e-12 && (found[1] - tilt[1]).abs() < 1e-12);
+        }
+    }
+}

@@ -13,8 +13,8 @@ pub(in super::super) enum Goal {
     Cost,
     /// The cost, with the weighted joint speeds below a cap.
     Capped(f64),
-    /// The largest weighted joint speed, and the cost by a little.
-    Peak,
+    /// The cost and the largest weighted joint speed: this many times as important, relative to where it starts.
+    Peak(f64),
 }
 
 /// How far a refinement goes.
@@ -83,7 +83,12 @@ struct Interior<'a> {
     /// Barrier per unit of the cost of a row.
     unit: f64,
     mu: f64,
-    penalty: f64,
+    /// Pairs of merit and infeasibility that later points have to beat in one of them.
+    filter: Vec<[f64; 2]>,
+    /// Infeasibility at the start.
+    first_infeasibility: f64,
+    /// Last damping that was needed.
+    shift: f64,
 }
 
 impl<'a> Interior<'a> {
@@ -93,7 +98,8 @@ impl<'a> Interior<'a> {
         let unit = cost.abs().max(f64::MIN_POSITIVE) / demand.rows() as f64;
         let mu = (how.barrier * unit).max(how.last_barrier * unit);
         linear.start(mu);
-        Some(Self { demand, how, linear, unit, mu, penalty: 0.0 })
+        let first_infeasibility = linear.merit(mu)[1];
+        Some(Self { demand, how, linear, unit, mu, filter: Vec::new(), first_infeasibility, shift: 0.0 })
     }
 
     fn run(mut self, before: usize) -> Option<Refined> {
@@ -115,19 +121,31 @@ impl<'a> Interior<'a> {
             }
             let loose = residual.slope <= LOOSE * force && residual.gap <= LOOSE_GAP * self.mu;
             if self.mu > last && loose {
-                self.mu = self.lowered(last);
+                self.lower(last);
                 system = self.linear.linearise(self.mu);
             }
             iterations += 1;
-            let floor = self.linear.floor();
-            system.factor(floor);
+            #[allow(clippy::print_stderr)]
+            if std::env::var_os("TRACE").is_some() {
+                eprintln!(
+                    "{} rows it {iterations} mu {:.1e} slope {:.1e}/{:.1e} gap {:.1e} infeas {:.1e} f {:.8} stalled {stalled}",
+                    self.demand.rows(),
+                    self.mu / self.unit,
+                    residual.slope,
+                    force,
+                    residual.gap / self.mu,
+                    residual.infeasibility,
+                    self.linear.objective()
+                );
+            }
+            let system = self.factored(system)?;
             let improved = self.step(&system)?;
             stalled = if improved { 0 } else { stalled + 1 };
             if stalled >= STALLS {
                 if self.mu <= last {
                     break;
                 }
-                self.mu = self.lowered(last);
+                self.lower(last);
             }
         }
         let residual = self.linear.residual(self.mu);
@@ -144,6 +162,24 @@ impl<'a> Interior<'a> {
         })
     }
 
+    /// The factored system, with as much damping as makes it positive definite.
+    fn factored(&mut self, system: Banded) -> Option<Banded> {
+        let stiffness = self.linear.stiffness();
+        let (least, flat) = (LEAST_SHIFT * stiffness, FLAT * stiffness);
+        let mut shift = 0.0;
+        for _ in 0..SHIFTS {
+            let mut factors = system.clone();
+            if factors.factor(shift, flat) {
+                if shift > 0.0 {
+                    self.shift = shift;
+                }
+                return Some(factors);
+            }
+            shift = if shift == 0.0 { (self.shift / SHIFT_FALL).max(least) } else { shift * SHIFT_RISE };
+        }
+        None
+    }
+
     fn lowered(&self, last: f64) -> f64 {
         let relative = self.mu / self.unit;
         (self.unit * (FALL * relative).min(relative.powf(SUPERLINEAR))).max(last)
@@ -157,15 +193,45 @@ impl<'a> Interior<'a> {
             return None;
         }
         let direction = self.linear.direction(&x, self.mu);
-        self.penalty = self.penalty.max(direction.penalty);
-        let start = self.linear.merit(self.mu, self.penalty);
-        let slope = direction.slope - self.penalty * direction.infeasibility;
+        let [merit, infeasibility] = self.linear.merit(self.mu);
+        let scale = self.first_infeasibility.max(1.0);
+        let noise = ROUNDING * merit.abs().max(self.unit);
         let mut alpha = direction.longest;
         for _ in 0..HALVINGS {
-            if let Some(trial) = self.linear.trial(&direction, alpha, self.mu, self.penalty) {
-                let noise = ROUNDING * start.abs().max(self.unit);
-                if trial.merit <= start + ARMIJO * alpha * slope.min(0.0) + noise {
-                    let gained = trial.merit < start - noise || alpha * direction.size > STANDSTILL;
+            if let Some(trial) = self.linear.trial(&direction, alpha, self.mu) {
+                let fall = -alpha * direction.slope;
+                // Where bounds hold well enough, the objective decides.
+                let descent = fall > 0.0
+                    && infeasibility <= SMALL_INFEASIBILITY * scale
+                    && alpha * (-direction.slope / self.unit).powf(FALL_POWER)
+                        > (infeasibility / scale).powf(INFEASIBILITY_POWER);
+                let better = |[m, t]: [f64; 2]| {
+                    trial.infeasibility <= (1.0 - FILTER_SHARE) * t
+                        || trial.merit <= m - FILTER_SHARE * t + noise
+                };
+                let good = if descent {
+                    trial.merit <= merit - ARMIJO * fall + noise
+                } else {
+                    better([merit, infeasibility])
+                };
+                let large = trial.infeasibility > LARGE_INFEASIBILITY * scale;
+                if good && !large && self.filter.iter().all(|entry| better(*entry)) {
+                    if !descent {
+                        self.filter.push([
+                            merit - FILTER_SHARE * infeasibility,
+                            (1.0 - FILTER_SHARE) * infeasibility,
+                        ]);
+                    }
+                    let gained = trial.merit < merit - noise
+                        || trial.infeasibility < 0.9 * infeasibility
+                        || alpha * direction.size > STANDSTILL;
+                    #[allow(clippy::print_stderr)]
+                    if std::env::var_os("TRACE").is_some() {
+                        eprintln!(
+                            "   alpha {alpha:.2e} longest {:.2e} size {:.2e} slope {:.2e} descent {descent}",
+                            direction.longest, direction.size, direction.slope
+                        );
+                    }
                     self.linear.accept(trial, &direction, alpha, self.mu);
                     return Some(gained);
                 }
@@ -174,6 +240,11 @@ impl<'a> Interior<'a> {
         }
         Some(false)
     }
+
+    fn lower(&mut self, last: f64) {
+        self.mu = self.lowered(last);
+        self.filter.clear();
+    }
 }
 
 /// Whether the length of the steps is minimised.
@@ -181,6 +252,13 @@ pub(super) fn is_length(demand: &Demand) -> bool {
     demand.objective == Objective::Length
 }
 
+/// Least damping as a share of the stiffness of the motion, how it rises and falls, and how often.
+const LEAST_SHIFT: f64 = 1e-5;
+const SHIFT_RISE: f64 = 8.0;
+const SHIFT_FALL: f64 = 4.0;
+const SHIFTS: usize = 16;
+/// Pivot of a direction that costs nothing, as a share of the stiffness.
+const FLAT: f64 = 1e-6;
 /// Times that left-out bounds are brought in.
 const SCREENINGS: usize = 4;
 /// Share of the violation (rad, scaled) of the slacks that may be left.
@@ -198,6 +276,14 @@ const HALVINGS: usize = 25;
 /// Steps without a gain after which it ends.
 const STALLS: usize = 3;
 const ARMIJO: f64 = 1e-4;
+/// Share of the infeasibility by which a point must be better than those of the filter.
+const FILTER_SHARE: f64 = 1e-5;
+/// Infeasibility, relative to that of the start, below which the objective may decide, and above which a point is refused.
+const SMALL_INFEASIBILITY: f64 = 1e-2;
+const LARGE_INFEASIBILITY: f64 = 1e2;
+/// Powers of fall and infeasibility in that decision [WaechterBiegler2006, eq. (19)].
+const FALL_POWER: f64 = 2.3;
+const INFEASIBILITY_POWER: f64 = 1.1;
 /// Rounding of the merit, relative.
 const ROUNDING: f64 = 1e-13;
 /// Joint step (rad or m) that counts as a gain whatever the merit says.

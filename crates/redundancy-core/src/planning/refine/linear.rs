@@ -25,7 +25,7 @@ pub(super) fn screened(demand: &Demand, q: &[f64], goal: Goal) -> Sets {
         let near = NEAR_LIMIT.max(NEAR_RANGE * demand.range[i][1]);
         room(demand, q, i) < near
     };
-    let peak = if goal == Goal::Peak {
+    let peak = if matches!(goal, Goal::Peak(_)) {
         (0..n).filter(|i| demand.speed_weight[*i] > 0.0).collect()
     } else {
         Vec::new()
@@ -117,10 +117,6 @@ pub(super) struct Direction {
     longest_z: f64,
     /// Slope of objective and barrier along it.
     pub slope: f64,
-    /// Sum of `|h - s|` where it starts.
-    pub infeasibility: f64,
-    /// Penalty that the infeasibility needs.
-    pub penalty: f64,
     /// Largest joint step.
     pub size: f64,
 }
@@ -132,7 +128,9 @@ pub(super) struct Trial {
     h: Vec<f64>,
     s: Vec<f64>,
     objective: f64,
+    /// Objective with barrier.
     pub merit: f64,
+    pub infeasibility: f64,
 }
 
 /// What is left of the optimality conditions.
@@ -187,10 +185,9 @@ impl<'a> Linear<'a> {
         };
         let peak = PEAK_ROOM * demand.peak_speed(&q);
         let cost = demand.cost(&q);
-        let (peak_weight, cost_weight) = if goal == Goal::Peak {
-            (1.0, PEAK_COST * peak / cost.max(f64::MIN_POSITIVE))
-        } else {
-            (0.0, 1.0)
+        let peak_weight = match goal {
+            Goal::Peak(weight) => weight * cost / peak.max(f64::MIN_POSITIVE),
+            _ => 0.0,
         };
         let mut out = Self {
             rows: vec![row; demand.rows()],
@@ -200,7 +197,7 @@ impl<'a> Linear<'a> {
             sets,
             peak,
             peak_weight,
-            cost_weight,
+            cost_weight: 1.0,
             h: Vec::new(),
             s: Vec::new(),
             z: Vec::new(),
@@ -221,10 +218,23 @@ impl<'a> Linear<'a> {
     /// Puts the slacks inside and the multipliers on the central path.
     pub fn start(&mut self, mu: f64) {
         self.s = (self.h.iter().zip(self.scales()))
-            .map(|(h, scale)| if h.is_finite() { h.max(LEAST_SLACK * scale) } else { f64::INFINITY })
+            .map(|(h, scale)| {
+                if !h.is_finite() {
+                    f64::INFINITY
+                } else if *h > NEAR_SLACK * scale {
+                    *h
+                } else {
+                    LEAST_SLACK * scale
+                }
+            })
             .collect();
         self.z = self.s.iter().map(|s| mu / s).collect();
         self.y = self.z.clone();
+        #[allow(clippy::print_stderr)]
+        if std::env::var_os("TRACE").is_some() {
+            let worst = self.h.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+            eprintln!("worst {worst:?} of {:?} sets {:?}", self.offsets(), self.sets);
+        }
     }
 
     /// The objective at the iterate.
@@ -547,7 +557,7 @@ impl<'a> Linear<'a> {
     fn assemble(&self) -> Banded {
         let demand = self.demand;
         let (n, r) = (demand.dof(), demand.spare());
-        let (with_peak, cyclic) = (usize::from(self.goal == Goal::Peak), demand.cyclic);
+        let (with_peak, cyclic) = (usize::from(matches!(self.goal, Goal::Peak(_))), demand.cyclic);
         let inner = if cyclic { demand.rows() - 1 } else { demand.rows() };
         let edge = if cyclic { r } else { 0 };
         let b = edge + with_peak;
@@ -642,7 +652,7 @@ impl<'a> Linear<'a> {
         for row in &self.rows {
             out.extend((0..r).map(|c| -dot(&row.basis[c * n..(c + 1) * n], &row.gradient)));
         }
-        if self.goal == Goal::Peak {
+        if matches!(self.goal, Goal::Peak(_)) {
             out.push(-self.peak_gradient[0]);
         }
         out
@@ -657,7 +667,7 @@ impl<'a> Linear<'a> {
                 slope = slope.max(dot(&row.basis[c * n..(c + 1) * n], &row.stationary).abs());
             }
         }
-        if self.goal == Goal::Peak {
+        if matches!(self.goal, Goal::Peak(_)) {
             slope = slope.max(self.peak_gradient[1].abs());
         }
         let (mut gap, mut infeasibility): (f64, f64) = (0.0, 0.0);
@@ -672,12 +682,12 @@ impl<'a> Linear<'a> {
 
     /// Largest force of the motion along a joint.
     pub fn force(&self) -> f64 {
-        if self.goal == Goal::Peak { 1.0 } else { self.force }
+        self.z.iter().fold(self.force.max(self.peak_weight), |force, z| force.max(*z))
     }
 
-    /// Pivots below this are raised.
-    pub fn floor(&self) -> f64 {
-        PIVOT * self.stiffness.max(f64::MIN_POSITIVE)
+    /// Mean stiffness of the motion.
+    pub fn stiffness(&self) -> f64 {
+        self.stiffness.max(f64::MIN_POSITIVE)
     }
 
     /// The direction of a solution of the system.
@@ -699,11 +709,10 @@ impl<'a> Linear<'a> {
             }
             size = d.iter().fold(size, |size, d| size.max(d.abs()));
         }
-        let peak = if self.goal == Goal::Peak { x[rows * r] } else { 0.0 };
+        let peak = if matches!(self.goal, Goal::Peak(_)) { x[rows * r] } else { 0.0 };
         slope += peak * self.peak_gradient[0];
         let dh = self.along(&d, peak);
         let (mut longest, mut longest_z) = ((LONGEST / size).min(1.0), 1.0f64);
-        let (mut infeasibility, mut penalty): (f64, f64) = (0.0, 0.0);
         let (mut ds, mut dz) = (vec![0.0; dh.len()], vec![0.0; dh.len()]);
         for j in 0..dh.len() {
             let (h, s, z) = (self.h[j], self.s[j], self.z[j]);
@@ -718,11 +727,6 @@ impl<'a> Linear<'a> {
             if dz[j] < 0.0 {
                 longest_z = longest_z.min(-BOUNDARY * z / dz[j]);
             }
-            if (h - s).abs() > 0.0 {
-                infeasibility += (h - s).abs();
-                penalty = penalty.max(1.5 * (z + dz[j]).abs().max(mu / s));
-                // The slope above holds the pull of what is missing; the barrier's own is without it.
-            }
         }
         // Slope of the merit's smooth part: df - sum mu/s ds, while the system's gradient has y for it.
         let mut smooth = slope;
@@ -731,7 +735,7 @@ impl<'a> Linear<'a> {
                 smooth += self.y[j] * dh[j] - mu / self.s[j] * ds[j];
             }
         }
-        Direction { d, peak, ds, dz, longest, longest_z, slope: smooth, infeasibility, penalty, size }
+        Direction { d, peak, ds, dz, longest, longest_z, slope: smooth, size }
     }
 
     /// Change of the bounds along a direction.
@@ -766,24 +770,32 @@ impl<'a> Linear<'a> {
         out
     }
 
-    /// Merit at the iterate.
-    pub fn merit(&self, mu: f64, penalty: f64) -> f64 {
-        self.objective + barrier(&self.h, &self.s, mu, penalty)
+    /// Objective with barrier, and infeasibility, at the iterate.
+    pub fn merit(&self, mu: f64) -> [f64; 2] {
+        [self.objective + barrier(&self.s, mu), infeasibility(&self.h, &self.s)]
     }
 
     /// A point along the direction, back on the task; `None` where a row is lost.
-    pub fn trial(&self, direction: &Direction, alpha: f64, mu: f64, penalty: f64) -> Option<Trial> {
+    pub fn trial(&self, direction: &Direction, alpha: f64, mu: f64) -> Option<Trial> {
         let q: Vec<f64> = self.q.iter().zip(&direction.d).map(|(q, d)| q + alpha * d).collect();
         let (q, costs) = self.retracted(&q)?;
         let peak = self.peak + alpha * direction.peak;
         let h = self.inequalities(&q, peak);
-        // A slack below its bound is raised to it: that lowers the merit.
+        // A slack below its bound is raised to it: that lowers barrier and infeasibility.
         let s: Vec<f64> = (self.s.iter().zip(&direction.ds).zip(&h))
             .map(|((s, ds), h)| if s.is_finite() { (s + alpha * ds).max(*h) } else { *s })
             .collect();
         let objective = self.objective_of(&q, peak, costs);
-        let merit = objective + barrier(&h, &s, mu, penalty);
-        merit.is_finite().then_some(Trial { q, peak, h, s, objective, merit })
+        let (merit, infeasibility) = (objective + barrier(&s, mu), infeasibility(&h, &s));
+        (merit.is_finite() && infeasibility.is_finite()).then_some(Trial {
+            q,
+            peak,
+            h,
+            s,
+            objective,
+            merit,
+            infeasibility,
+        })
     }
 
     /// Takes a trial.
@@ -800,7 +812,7 @@ impl<'a> Linear<'a> {
 
     /// Largest violation of a bound of the demand, rad or m (cone and spin in their own scale).
     pub fn violation(&self, q: &[f64]) -> f64 {
-        let goal = if self.goal == Goal::Peak { Goal::Cost } else { self.goal };
+        let goal = if matches!(self.goal, Goal::Peak(_)) { Goal::Cost } else { self.goal };
         violation(self.demand, q, goal)
     }
 }
@@ -831,24 +843,16 @@ pub(super) fn violation(demand: &Demand, q: &[f64], goal: Goal) -> f64 {
     worst
 }
 
-/// `- mu sum log s + penalty sum |h - s|`.
-fn barrier(h: &[f64], s: &[f64], mu: f64, penalty: f64) -> f64 {
-    let mut out = 0.0;
+/// `- mu sum log s`.
+fn barrier(s: &[f64], mu: f64) -> f64 {
     // Products of eight slacks at a time: one logarithm for all of them.
-    let mut product = 1.0f64;
-    let mut factors = 0;
-    for (h, s) in h.iter().zip(s) {
-        if s.is_finite() {
-            product *= s;
-            factors += 1;
-            if factors == 8 {
-                out -= mu * product.ln();
-                (product, factors) = (1.0, 0);
-            }
-            out += penalty * (h - s).abs();
-        }
-    }
-    out - mu * product.ln()
+    let sum: f64 = (s.chunks(8)).map(|s| s.iter().filter(|s| s.is_finite()).product::<f64>().ln()).sum();
+    -mu * sum
+}
+
+/// `sum |h - s|`.
+fn infeasibility(h: &[f64], s: &[f64]) -> f64 {
+    h.iter().zip(s).filter(|(_, s)| s.is_finite()).map(|(h, s)| (h - s).abs()).sum()
 }
 
 /// `Z^T H Z` of a row.
@@ -967,8 +971,10 @@ const NEAR_STEP: f64 = 0.6;
 const CHUNK: usize = 32;
 /// Least slack of a start: rad or m, for cone and spin in their own scale, for steps as a share of the largest.
 const LEAST_SLACK: f64 = 1e-2;
+/// Share of the scale up to which a bound counts as met: then its slack starts further inside.
+const NEAR_SLACK: f64 = 1e-3;
 /// Miss of the equations (m, rad) that is left to the next iteration, and in the end.
-const RETRACTED: f64 = 1e-8;
+const RETRACTED: f64 = 1e-12;
 const EXACT: f64 = 1e-14;
 /// Miss that rounding explains where it falls no more.
 const ROUNDING_MISS: f64 = 1e-12;
@@ -980,10 +986,7 @@ const LONGEST: f64 = 0.4;
 const BOUNDARY: f64 = 0.995;
 /// Largest factor between a multiplier and the central path.
 const SPREAD: f64 = 1e10;
-/// Pivots are raised to this share of the mean stiffness.
-const PIVOT: f64 = 1e-7;
 /// Smoothing of a length, rad for the whole path.
 const LENGTH_SMOOTHING: f64 = 1e-2;
-/// Room of the first peak above the largest speed, and share of the cost in its objective.
-const PEAK_ROOM: f64 = 1.02;
-const PEAK_COST: f64 = 1e-3;
+/// Room of the first peak above the largest speed.
+const PEAK_ROOM: f64 = 1.1;
