@@ -11,13 +11,15 @@ export MPLBACKEND := Agg
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' -o -path '*/data/*' -type f)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name 'py.typed' -o -path '*/data/*' -type f)
 
-.PHONY: help demo test test-full format lint rust-test python-test examples package bench docs wheel clean
+.PHONY: help demo test test-full format lint features rust-test python-test examples package bench counts counts-store docs wheel clean
 
 help:
 	@echo 'make demo       a 7-joint arm follows a path; tables, plots and trajectories in out/'
 	@echo 'make test       every check of CI (heavy ones on seeded subsets)'
 	@echo 'make test-full  the same with the heavy checks in full'
+	@echo 'make features   the core with each feature alone and with none'
 	@echo 'make bench      criterion, then side by side with other libraries'
+	@echo 'make counts     instructions of the kernels beside the stored ones (needs valgrind)'
 	@echo 'make docs       API documentation in target/doc'
 	@echo 'make wheel      build the package and install it in .venv'
 	@echo 'make format     rewrite the sources in the house format'
@@ -64,7 +66,7 @@ demo: $(VENV)/.wheel
 	$(VENV)/bin/redundancy demo --out out/demo
 
 # --- checks -----------------------------------------------------------------------------------------------
-test: lint rust-test python-test examples package
+test: lint features rust-test python-test examples package
 
 test-full:
 	REDUNDANCY_TEST_FULL=1 $(MAKE) test
@@ -81,6 +83,15 @@ lint: $(VENV)/.dev
 	$(PY) -m mypy
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
+
+# Without features a user of `SrsArm::solve` builds this many packages, the core and its own beside them.
+PACKAGES_WITHOUT_FEATURES := 28
+features:
+	@set -e; for f in '' urdf io parallel plan mesh; do echo "== core with features '$$f'"; \
+		cargo check --quiet --locked -p redundancy-core --no-default-features --features "$$f"; done
+	@n=$$(cargo tree --locked -p redundancy-core --no-default-features -e normal,build --prefix none --no-dedupe \
+		| sort -u | grep -vc '^redundancy-core'); echo "$$n packages without features"; \
+		test $$n -le $(PACKAGES_WITHOUT_FEATURES)
 
 # `cargo test` builds and runs unit, integration and documentation tests and builds the examples. The benches run
 # once each, unmeasured, in the profile of the tests: what `cargo bench -- --test` does, without another build.
@@ -106,6 +117,13 @@ package: $(VENV)/.dev $(VENV)/.wheel
 bench: $(VENV)/.bench $(VENV)/.wheel
 	cargo bench --locked
 	@set -e; for f in $(wildcard benches/python/*.py); do echo "== $$f"; $(PY) $$f; done
+
+# A change of 3 % is seen on a busy machine; stored in benches/counts.json.
+counts:
+	$(PYTHON) benches/counts.py
+
+counts-store:
+	$(PYTHON) benches/counts.py --store
 
 docs:
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked

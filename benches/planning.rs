@@ -10,13 +10,13 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use redundancy_core::Pose;
 use redundancy_core::chain::catalog;
 use redundancy_core::nalgebra::{Rotation3, Vector3};
 use redundancy_core::path::{Path, Raster};
 use redundancy_core::planning::{FlowState, SwivelFlow, SwivelFlowSettings, SwivelPlanSettings, plan_swivel};
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Sphere};
 use redundancy_core::solutions::SrsArm;
+use redundancy_core::{Pose, Watch};
 
 /// Ten strokes along y in +-.3, x from .5 to .68, z = .3, tool down, at 0.2 m/s.
 fn raster(points: usize) -> Path {
@@ -52,7 +52,7 @@ fn plans(criterion: &mut Criterion) {
     let scene = primitives();
     let settings = |swivels| SwivelPlanSettings { swivels, scene: Some(scene.clone()), ..Default::default() };
     let run = |path: &Path, settings: &SwivelPlanSettings| {
-        plan_swivel(black_box(&arm), path, settings, &mut |_| true).expect("plan")
+        plan_swivel(black_box(&arm), path, settings, &Watch::default()).expect("plan")
     };
     let mut group = criterion.benchmark_group("planning");
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(4));

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example plan_cases [name]`
 
+#![allow(clippy::print_stdout)] // an example may talk
+
 use std::time::Instant;
 
 use redundancy_core::Watch;

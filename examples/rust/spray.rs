@@ -4,10 +4,10 @@
 
 #![allow(clippy::print_stdout)] // an example may talk
 
-use redundancy_core::Pose;
 use redundancy_core::chain::catalog;
 use redundancy_core::path::Path;
-use redundancy_core::planning::{OrientationPlanSettings, PlanWatch, plan_orientation};
+use redundancy_core::planning::{OrientationPlanSettings, plan_orientation};
+use redundancy_core::{Pose, Watch};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -26,17 +26,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         settings.speed.velocity_limits = Some(rates.to_vec());
     }
     let begin = std::time::Instant::now();
-    let plan = plan_orientation(&arm, &path, &settings, &PlanWatch::default())?;
+    let plan = plan_orientation(&arm, &path, &settings, &Watch::default())?;
     let constant = plan.constant_speed.unwrap_or(f64::NAN);
     println!(
         "{name}: {} {:.4} m/s, x{:.3} of {constant:.4}; {} starts, {} steps, {:.1} s {}",
-        plan.status,
+        plan.plan.status(),
         plan.speed,
         plan.speed / constant,
         plan.starts,
         plan.steps,
         begin.elapsed().as_secs_f64(),
-        plan.reason,
+        plan.plan.reason(),
     );
     Ok(())
 }

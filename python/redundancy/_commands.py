@@ -744,7 +744,9 @@ def _numbers(text: str, option: str, count: int) -> NDArray[np.float64]:
 @app.command()
 def plan(
     robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
-    path: Annotated[File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz or positions only, t (s) or s (m).")],
+    path: Annotated[
+        File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz or positions only, t (s) or s (m).")
+    ],
     out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,

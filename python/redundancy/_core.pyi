@@ -1021,8 +1021,12 @@ class SaturatedNullspace(Resolver):
     ) -> Self: ...
 
 @final
-class Track(Trajectory):
-    """A trajectory that followed a path in closed loop, one row every `dt`."""
+class Track(Plan):
+    """A plan that followed a path in closed loop, one row every `dt`.
+
+    `converged`; `off_path`: farther from the path than the tolerance, the reason gives the largest error and its row;
+    `limits`: a joint breaks a position or speed limit; `time_limit`: the rows so far.
+    """
 
     @property
     def position_error(self) -> float:
@@ -1030,12 +1034,20 @@ class Track(Trajectory):
     @property
     def orientation_error(self) -> float:
         """Largest angle from the path, rad."""
-    @property
-    def status(self) -> Status:
-        """`converged`; a run that is stopped raises."""
+    @staticmethod
+    def _make(arrays: Any, position_error: float, orientation_error: float) -> Track: ...
 
 def track(
-    chain: Chain, resolver: Resolver, path: Path, q0: ArrayLike, dt: float, feedback: float = 5.0
+    chain: Chain,
+    resolver: Resolver,
+    path: Path,
+    q0: ArrayLike,
+    dt: float,
+    feedback: float = 5.0,
+    *,
+    tolerance: tuple[float, float] | None = None,
+    progress: Callable[[float], object] | None = None,
+    time_limit: float | None = None,
 ) -> Track:
     """Follows a path in closed loop: `v = v_path(t) + feedback * error`, `q += dt * qd`.
 
@@ -1049,6 +1061,9 @@ def track(
         q0: Joint positions at the start `(n,)`.
         dt: Length of a step, s.
         feedback: Gain of the task error, 1/s; below `2 / dt`.
+        tolerance: Largest distance (m) and angle (rad) from the path that are still on it (1e-3, 1e-2).
+        progress: Called with the share of the work done.
+        time_limit: Seconds after which the rows so far are returned; `None` is off.
 
     Returns:
         A trajectory with the events `basis_change`, `damping`, `limit` (which joint, which limit), `scaled`,
@@ -1132,6 +1147,12 @@ class SrsArm:
     @property
     def chain(self) -> Chain:
         """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"srs"`."""
+    @property
+    def parameter(self) -> str:
+        """`"swivel"`."""
     @property
     def chart(self) -> str:
         """Name of the chart."""
@@ -1219,7 +1240,17 @@ class SelfMotion:
         """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
     @property
     def reason(self) -> str:
-        """Why none, with the number: too far or too near by x mm; which joint, by how much at best. Else empty."""
+        """Why none, with the number: too far or too near by x mm; which joint, by how much at best.
+
+        Where the verdict is not `proven`, also why. Else empty.
+        """
+    @property
+    def proven(self) -> bool:
+        """Status and branches are exact.
+
+        False for an arm with a defect above 1e-9, and where shoulder or wrist reach a gimbal over this pose: there the
+        outer joints may share their sum in any way, beside the branches.
+        """
     @property
     def branches(self) -> list[Branch]:
         """The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach."""
@@ -1276,7 +1307,13 @@ class Choice:
         """`converged`, `limits` or `unreachable`."""
     @property
     def reason(self) -> str:
-        """Why there is none; empty when there is one."""
+        """Why there is none, or why it is not proven to be the best; else empty."""
+    @property
+    def proven(self) -> bool:
+        """No configuration over the pose is better; where there is none, the verdict is exact.
+
+        False for the best of a scan (criteria without bounds), and at gimbals that leave joints free.
+        """
 
 @final
 class ChoiceBatch:
@@ -1297,6 +1334,9 @@ class ChoiceBatch:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """`(N,)`: there is a configuration within the limits."""
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """`(N,)`: there is one, and no other over the pose is better."""
 
 @final
 class SolveBatch:
@@ -1473,7 +1513,14 @@ class IkResult:
     """The answer over one pose."""
 
     def __new__(
-        cls, q: ArrayLike, status: str, iterations: int, position_error: float, orientation_error: float
+        cls,
+        q: ArrayLike,
+        status: str,
+        iterations: int,
+        position_error: float,
+        orientation_error: float,
+        proven: bool = False,
+        starts: int = 0,
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1497,6 +1544,15 @@ class IkResult:
     @property
     def orientation_error(self) -> float:
         """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+    @property
+    def proven(self) -> bool:
+        """The status is exact: `converged` always, others from a closed form without defect.
+
+        False where it is that of a finite search; `reason` then says of how many starts.
+        """
+    @property
+    def starts(self) -> int:
+        """Starts of the numeric search; 0 from a closed form alone."""
 
 @final
 class IkBatch:
@@ -1509,6 +1565,7 @@ class IkBatch:
         iterations: NDArray[np.uint32],
         position_error: NDArray[np.float64],
         orientation_error: NDArray[np.float64],
+        proven: NDArray[np.bool_],
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1525,6 +1582,9 @@ class IkBatch:
     @property
     def orientation_error(self) -> NDArray[np.float64]:
         """`(N,)`, rad."""
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """`(N,)`: whether each status is exact, as `IkResult.proven`."""
     def __len__(self) -> int: ...
 
 @final
@@ -1552,6 +1612,12 @@ class SphericalWristArm:
     @property
     def chain(self) -> Chain:
         """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"spherical_wrist"`."""
+    @property
+    def parameter(self) -> None:
+        """`None`: the configurations over a pose are isolated."""
     @property
     def defect(self) -> tuple[float, float]:
         """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
@@ -1608,6 +1674,13 @@ class Configurations:
     def reason(self) -> str:
         """Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty."""
     @property
+    def proven(self) -> bool:
+        """Status and branches are exact.
+
+        False for an arm with a defect above 1e-9, and where the pose leaves a joint free (wrist centre on axis 1, wrist
+        at its gimbal).
+        """
+    @property
     def distance(self) -> float:
         """Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach."""
     @property
@@ -1617,11 +1690,196 @@ class Configurations:
     def branches(self) -> NDArray[np.int8]:
         """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
 
+# closed forms and solutions over a pose
+
+def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | SphericalWristArm | None:
+    """The closed form of an arm, recognised from its geometry.
+
+    Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
+    describes its spare freedom (`"swivel"`), `None` where configurations over a pose are isolated.
+
+    Args:
+        chain: The arm; an arm object is returned as it is.
+
+    Returns:
+        The arm object, or `None` where no closed form is known.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.closed_form(rd.catalog.load("iiwa14")).parameter
+        'swivel'
+        >>> rd.closed_form(rd.catalog.load("puma560")).name
+        'spherical_wrist'
+    """
+
+def solutions(
+    chain: Chain | SrsArm | SphericalWristArm,
+    pose: Any,
+    freedom: None = None,
+    *,
+    task: str | Task | None = None,
+    closed_form: bool = True,
+    seed: int | None = None,
+    starts: int | None = None,
+    step: float | None = None,
+    max_rows: int | None = None,
+) -> Solutions:
+    """Every configuration of an arm over a pose, through one interface for all arms.
+
+    From the closed form where the arm has one. Otherwise Newton's method is started from seeded random configurations
+    within the limits, and curves are traced through what it finds: then `proven` is False, for there may be others.
+
+    Args:
+        chain: The arm, or an arm object (whose chart then holds for the swivel).
+        pose: `(4, 4)` or SE3-like, base frame, m; `(2,)` for the task `planar`.
+        freedom: Must be `None`.
+        task: Which coordinates of the pose count; default the pose. The task must leave no or one freedom.
+        closed_form: Use the closed form where there is one.
+        seed: Seed of the random starts; default 0.
+        starts: Number of random starts; default 100.
+        step: Largest joint step between rows of traced curves; default 0.01.
+        max_rows: Rows after which a traced curve is given up; default 200 000.
+
+    Raises:
+        RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task
+            has
+            coordinates, or with two or more joints beyond them.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("iiwa14")
+        >>> s = rd.solutions(chain, chain.forward([0.1, 0.5, 0.2, -1.2, 0.3, 0.8, 0.0]))
+        >>> s.dimension, str(s.status), s.proven, len(s.pieces)
+        (1, 'converged', True, 8)
+        >>> piece = s.pieces[0]
+        >>> piece.label, piece.closed, piece.q([0.0, 0.5]).shape
+        ('+++', True, (2, 7))
+        >>> s.best(rd.JointRange(chain)).proven
+        True
+    """
+
+@final
+class Solutions:
+    """Every configuration over one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`."""
+
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+    @property
+    def dimension(self) -> int:
+        """0 for isolated configurations, 1 for curves."""
+    @property
+    def status(self) -> Status:
+        """`converged` (some configuration holds the joint limits), `limits` (only others) or `unreachable` (none)."""
+    @property
+    def reason(self) -> str:
+        """Why none holds the limits, with the number, and why the verdict is not `proven`; else empty."""
+    @property
+    def proven(self) -> bool:
+        """Status and pieces are exact; False where they are those of a finite search, whose starts `reason` counts."""
+    @property
+    def pieces(self) -> list[Piece]:
+        """The points or curves, whether their limits hold or not."""
+    def nearest(self, q: ArrayLike) -> Solution:
+        """The configuration within the limits nearest to `q`, windings included; its `value` is the distance.
+
+        Args:
+            q: `(n,)`.
+        """
+    def best(self, criterion: Criterion) -> Solution:
+        """The best configuration within the limits.
+
+        Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums; else a
+        dense scan of all pieces, refined.
+
+        Args:
+            criterion: For as many joints as the arm has.
+        """
+
+@final
+class Piece:
+    """One point or curve of `Solutions`.
+
+    The parameter `u` of a closed curve has period 2 pi; for an S-R-S arm it is the swivel, for a traced curve it is
+    proportional to the length in joint space.
+    """
+
+    @property
+    def index(self) -> int:
+        """Its place in `Solutions.pieces`."""
+    @property
+    def label(self) -> str:
+        """What tells it from the others: the signs of the branch (shoulder, elbow, wrist), or a number."""
+    @property
+    def closed(self) -> bool:
+        """Whether it is a closed curve."""
+    @property
+    def range(self) -> tuple[float, float]:
+        """Ends of `u`: (-pi, pi) for a closed curve, (0, 0) for a point."""
+    def q(self, u: float | ArrayLike | None = None) -> NDArray[np.float64]:
+        """Configuration at `u`: `(n,)`, or `(N, n)` for `(N,)`. A point needs no `u`.
+
+        Principal values unless that breaks a limit and a winding does not.
+
+        Raises:
+            RedundancyError: `u` is not finite, is beyond the ends of an open curve, or is missing for a curve.
+        """
+    def tangent(self, u: float | ArrayLike) -> NDArray[np.float64]:
+        """dq/du at `u`: `(n,)`, or `(N, n)` for `(N,)`; finite and not zero.
+
+        Raises:
+            RedundancyError: as `q`; a point has no tangent.
+        """
+    def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
+        """Where all joint limits hold in some winding, `(k, 2)`, ascending.
+
+        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or
+        nothing.
+
+        Args:
+            margin: Distance from each limit, rad or m.
+        """
+    def parameter(self, u: float | ArrayLike | None = None) -> float | NDArray[np.float64] | None:
+        """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`.
+
+        `None` where there is none.
+        """
+
+@final
+class Solution:
+    """A configuration chosen from `Solutions`; its parts are `None` where no configuration holds the limits."""
+
+    @property
+    def q(self) -> NDArray[np.float64] | None:
+        """Joint positions `(n,)` within the limits."""
+    @property
+    def piece(self) -> Piece | None:
+        """Its piece."""
+    @property
+    def u(self) -> float | None:
+        """Its parameter on the piece."""
+    @property
+    def value(self) -> float | None:
+        """The criterion there, or the distance."""
+    @property
+    def status(self) -> Status:
+        """`converged`, `limits` or `unreachable`."""
+    @property
+    def reason(self) -> str:
+        """Why there is none, or why it is not proven to be the best; else empty."""
+    @property
+    def proven(self) -> bool:
+        """No configuration over the pose is better; where there is none, the verdict is exact."""
+
 # planning
 
 @final
-class SwivelPlan(Trajectory):
-    """A trajectory, one row per path point, with the swivel of each row."""
+class SwivelPlan(Plan):
+    """A plan of an S-R-S arm with the swivel of each row; `plan_swivel` has one row per path point.
+
+    `converged`; `infeasible`: it takes reconfigurations; `unreachable`, `limits` or `collision`: some points have no
+    configuration (no rows), or none at the fixed swivel or branch (rows up to there); `time_limit`: no rows.
+    """
 
     @property
     def swivel(self) -> NDArray[np.float64]:
@@ -1629,38 +1887,8 @@ class SwivelPlan(Trajectory):
     @property
     def branch(self) -> NDArray[np.int8]:
         """Signs (shoulder, elbow, wrist) of each row, `(N, 3)`."""
-    @property
-    def reconfigurations(self) -> list[int]:
-        """Points before which the arm must change its configuration; none when `converged`."""
-    @property
-    def blocked(self) -> list[int]:
-        """Points without any configuration within the limits and off the obstacles."""
-    @property
-    def clearance(self) -> NDArray[np.float64] | None:
-        """Signed distance from the obstacles of each row `(N,)`, m; `None` without a scene."""
-    @property
-    def status(self) -> Status:
-        """What the planner did.
-
-        `converged`; `infeasible`: it takes reconfigurations; `unreachable` or `limits`: some points have no
-        configuration (no rows), or none at the fixed swivel or branch (rows up to there). Points that obstacles
-        block at every swivel are `unreachable` too; the reason says by which obstacle and how deep.
-        """
-    @property
-    def reason(self) -> str:
-        """Which points and what is in the way; empty when `converged`."""
-    def __eq__(self, other: object, /) -> bool: ...
-    def __ne__(self, other: object, /) -> bool: ...
     @staticmethod
-    def _from_parts(
-        rows: Trajectory,
-        outcome: tuple[str, str],
-        swivel: Sequence[float],
-        branch: Sequence[int],
-        jumps: tuple[Sequence[int], Sequence[str]],
-        blocked: Sequence[int],
-        clearance: Sequence[float],
-    ) -> SwivelPlan: ...
+    def _from_arrays(arrays: Any) -> SwivelPlan: ...
 
 def plan_swivel(
     arm: SrsArm,
@@ -1683,6 +1911,7 @@ def plan_swivel(
     manipulability_weight: float | None = None,
     acceleration_weight: float | None = None,
     progress: Callable[[float], object] | None = None,
+    time_limit: float | None = None,
 ) -> SwivelPlan:
     """Plan the swivel along a whole path: away from the limits, on one branch, without a jump.
 
@@ -1710,6 +1939,7 @@ def plan_swivel(
         manipulability_weight: Price of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
         acceleration_weight: Price of the second differences of the joints, in the refinement (0).
         progress: Called with the share of the work done.
+        time_limit: Seconds after which the search ends without a plan; `None` is off.
 
     Raises:
         RedundancyError: A setting out of its range, a path without orientations, with `cyclic` one that is not closed.
@@ -1786,13 +2016,20 @@ class SwivelFlow:
             RedundancyError: A pose out of reach, `dt <= 0`, numbers that are not finite.
         """
     def follow(
-        self, path: Path, s0: float, dt: float, *, progress: Callable[[float], object] | None = None
+        self,
+        path: Path,
+        s0: float,
+        dt: float,
+        *,
+        progress: Callable[[float], object] | None = None,
+        time_limit: float | None = None,
     ) -> SwivelPlan:
         """Along a path with times, one row every `dt` s.
 
         Returns:
-            Rows with `swivel` and `clearance`; `status` is `infeasible` where the arm ran into an obstacle and `limits`
-            where it left the joint limits, and `reason` says when and how far.
+            Rows with `swivel` and `clearance`; `status` is `limits` where the arm left the joint limits, `infeasible`
+            where it ran into an obstacle or a joint was too fast, and `reason` says when and how far. `time_limit`:
+            the rows so far.
 
         Raises:
             RedundancyError: A path without times or orientations, a point out of reach.
@@ -1883,6 +2120,92 @@ class MaxSpeed:
         joint_name: str,
     ) -> MaxSpeed: ...
 
+@final
+class RetimedTrajectory(Trajectory):
+    """A joint path with its times: what `retime` returns."""
+
+    def __new__(
+        cls,
+        trajectory: Trajectory,
+        limiting: Sequence[str | None],
+        path_rows: Sequence[int],
+        stops: Sequence[int],
+        stretched: float,
+    ) -> Self: ...
+    @property
+    def limiting(self) -> list[str | None]:
+        """Per row (N): the limit that it comes nearest to.
+
+        `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None
+        where
+        nothing moves.
+        """
+    @property
+    def path_rows(self) -> list[int]:
+        """Rows of the trajectory that are rows of the path, one for each, in order.
+
+        With `dt=` the rows nearest to them.
+        """
+    @property
+    def stops(self) -> list[int]:
+        """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
+    @property
+    def stretched(self) -> float:
+        """Largest factor by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
+
+def retime(
+    chain: Chain,
+    trajectory: Trajectory | ArrayLike,
+    *,
+    tool_speed: float | None = None,
+    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
+    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    jerk_limits: ArrayLike | None = None,
+    torque_limits: ArrayLike | Literal["chain"] | None = None,
+    at_rest: bool = True,
+    corner_angle: float = 0.02,
+    dt: float | None = None,
+    gravity: ArrayLike = ...,
+) -> RetimedTrajectory:
+    """Times for a joint path: as fast as every limit allows, from rest to rest.
+
+    The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
+    is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
+    Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
+    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get
+    rows in
+    between (`path_rows` says which are the path's own).
+
+    Args:
+        chain: the arm, `n` joints.
+        trajectory: a trajectory or plan whose times are replaced, or joint rows (N, n), rad or m.
+        tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
+        velocity_limits: (n,) rad/s or m/s, "chain" for those of the chain, None for none.
+        acceleration_limits: (n,) rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
+        jerk_limits: (n,) or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+        torque_limits: (n,) N m or N, "chain" or None; needs a chain with inertias.
+        at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
+        corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
+            turning of a smooth curve from row to row does not count.
+        dt: rows at these intervals (s) in place of the rows of the path.
+        gravity: (3,) m/s^2, base frame.
+
+    Returns:
+        The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
+
+    Raises:
+        ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
+            neither an
+            acceleration nor a torque limit.
+        CannotFollowError: a torque limit that does not hold the arm at rest.
+
+    Example:
+        >>> import numpy as np
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("panda")
+        >>> move = rd.retime(arm, np.linspace(arm.lower * 0.5, arm.upper * 0.5, 50), jerk_limits=500.0)
+    """
+
 def max_speed(
     chain: Chain,
     path: Path,
@@ -1970,8 +2293,8 @@ def fastest_profile(
     """
 
 @final
-class OrientationPlan(Trajectory):
-    """A trajectory at constant tool speed with tilt and spin of the tool, one row per entry of `s`."""
+class OrientationPlan(Plan):
+    """A plan at constant tool speed with tilt and spin of the tool, one row per entry of `s`."""
 
     @property
     def speed(self) -> float:
@@ -2023,12 +2346,9 @@ class OrientationPlan(Trajectory):
         """Convex programs solved."""
     @staticmethod
     def _from_parts(
-        words: tuple[str, str, list[str]],
-        speed: float,
-        constant_speed: float | None,
-        rows: tuple[Any, ...],
-        counts: tuple[int, bool, int, int, int],
-        blocked: list[int],
+        arrays: Any,
+        speeds: tuple[float, float | None, Sequence[float]],
+        counts: tuple[tuple[int, int | None, bool] | None, int, int],
     ) -> OrientationPlan: ...
 
 @final
@@ -2067,10 +2387,18 @@ class ToolFreedom:
     def axis(self) -> list[float]:
         """The tool axis in the tool frame, a unit vector."""
 
+@disjoint_base
 class Plan(Trajectory):
-    """A motion along a path with its verdict: a `Trajectory` with what happened to the freedom in each row.
+    """A motion along a path with its verdict: what every planner and every step-by-step scheme returns.
 
-    Columns that a planner does not know are `None`.
+    A `Trajectory` with what happened to the freedom in each row. A column that the scheme does not know is `None`.
+
+    Example:
+        >>> import numpy as np, redundancy as rd
+        >>> arm = rd.SrsArm(rd.catalog.load("pa10"))
+        >>> plan = rd.plan_swivel(arm, rd.paths.circle([0.45, 0, 0.5], 0.12, orientation=np.diag([1, -1, -1]), n=50))
+        >>> str(plan.status), plan.legal, len(plan.spare["swivel"])
+        ('converged', True, 50)
     """
 
     @property
@@ -2084,13 +2412,19 @@ class Plan(Trajectory):
         """Whether limits, task, contact and continuity hold on the verification grid, whatever the status."""
     @property
     def proven(self) -> bool:
-        """True when the verdict is exact, False when it is the best of a finite search."""
+        """True when the status is exact, False when it is that of the best of a finite search.
+
+        `converged` says that the motion was verified, not that there is no cheaper one.
+        """
     @property
     def cost(self) -> float | None:
         """What was minimised, summed over the path."""
     @property
     def reconfigurations(self) -> list[int]:
-        """Rows before which the arm must change its configuration."""
+        """Rows before which the arm must change its configuration; none when `converged`."""
+    @property
+    def reconfiguration_reasons(self) -> list[str]:
+        """Why, for each of them."""
     @property
     def blocked(self) -> list[int]:
         """Points of the path without any configuration."""
@@ -2166,7 +2500,8 @@ def plan(
 ) -> Plan:
     """Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 
-    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at once,
+    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
+    once,
     with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
 
         plan = rd.plan(rd.catalog.load("panda"), path)
@@ -2201,7 +2536,8 @@ def plan(
         The plan; its `status` says what was possible.
 
     Raises:
-        RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or break
+        RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or
+            break
             limits, a closed plan of an open path.
     """
 
@@ -2993,12 +3329,13 @@ def self_motion_patch(
     """
 
 @final
-class FollowedOptimum(Trajectory):
-    """A critical point followed along a path: a trajectory with one row per path point up to its stop. Pickles.
+class FollowedOptimum(Plan):
+    """A critical point followed along a path: a plan with one row per path point up to its stop. Pickles.
 
     The last event of one that stopped is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is the
     path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints leave
-    their limits or return.
+    their limits or return. `status` is `converged` when the path was finished within the limits, `singular` at a stop,
+    `limits` where a joint breaks a position limit, or a speed limit at the path's times.
     """
 
     @property
@@ -3029,11 +3366,12 @@ class FollowedOptimum(Trajectory):
     def stop_s(self) -> float | None:
         """Arc length at which it stopped, m."""
 
-    @classmethod
+    @staticmethod
     def _from_parts(
-        cls,
-        trajectory: Trajectory,
-        parts: tuple[str, list[float], list[float], list[float], tuple[float, list[float]] | None],
+        arrays: Any,
+        parts: tuple[
+            str, Sequence[float], Sequence[float], Sequence[float], tuple[float, Sequence[float]] | None
+        ],
     ) -> FollowedOptimum: ...
 
 def follow_optimum(

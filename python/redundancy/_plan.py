@@ -58,7 +58,6 @@ class Job:
             if self.plots:
                 for name, figure in plot_plan.figures(self.chain, plan).items():
                     figure.savefig(self.out / name, dpi=120)
-                    plot_plan.close(figure)
                     written.append(name)
         self.summary["seconds"] = time.perf_counter() - begin
         text = json.dumps(self.summary, indent=2, allow_nan=False)

@@ -1,18 +1,16 @@
 """Figures of a plan: joints, freedom of the tool, joint speeds. Needs the extra `plot`."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import redundancy as rd
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["figures", "freedom", "joints", "speed"]
 
 
-def figures(chain: rd.Chain, plan: rd.Plan) -> dict[str, "Figure"]:
+def figures(chain: rd.Chain, plan: rd.Plan) -> dict[str, Figure]:
     """All figures of a plan by file name."""
     out = {"joints.png": joints(chain, plan), "speed.png": speed(chain, plan)}
     known = [values is not None and np.any(values) for values in (plan.tilt, plan.spin)]
@@ -21,7 +19,7 @@ def figures(chain: rd.Chain, plan: rd.Plan) -> dict[str, "Figure"]:
     return out
 
 
-def joints(chain: rd.Chain, plan: rd.Plan) -> "Figure":
+def joints(chain: rd.Chain, plan: rd.Plan) -> Figure:
     """Each joint over the path, with its limits, and where the arm changes its configuration."""
     figure, axes = _axes(chain.dof, "position")
     for i, ax in enumerate(axes):
@@ -38,7 +36,7 @@ def joints(chain: rd.Chain, plan: rd.Plan) -> "Figure":
     return figure
 
 
-def speed(chain: rd.Chain, plan: rd.Plan) -> "Figure":
+def speed(chain: rd.Chain, plan: rd.Plan) -> Figure:
     """Speed of each joint from row to row, as a share of its limit where it has one."""
     figure, axes = _axes(1, "speed")
     ax = axes[0]
@@ -55,7 +53,7 @@ def speed(chain: rd.Chain, plan: rd.Plan) -> "Figure":
     return figure
 
 
-def freedom(plan: rd.Plan) -> "Figure":
+def freedom(plan: rd.Plan) -> Figure:
     """Tilt, spin, named spare coordinates and clearances over the path."""
     rows: list[tuple[str, Any]] = []
     if plan.tilt is not None and np.any(plan.tilt):
@@ -75,17 +73,9 @@ def freedom(plan: rd.Plan) -> "Figure":
     return figure
 
 
-def close(figure: "Figure") -> None:
-    """Forget a figure."""
-    from matplotlib import pyplot as plt
-
-    plt.close(figure)
-
-
-def _axes(count: int, title: str) -> tuple["Figure", list[Any]]:
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(count, 1, sharex=True, figsize=(8, max(3.0, 1.2 * count)), squeeze=False)
+def _axes(count: int, title: str) -> tuple[Figure, list[Any]]:
+    figure = Figure(figsize=(8, max(3.0, 1.2 * count)))
+    axes = figure.subplots(count, 1, sharex=True, squeeze=False)
     figure.suptitle(title, fontsize=10)
     axes[-1, 0].set_xlabel("path (m)")
     figure.align_ylabels()

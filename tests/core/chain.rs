@@ -98,7 +98,7 @@ fn what_is_wrong_is_named() {
     };
     let skewed = Pose::from_parts(
         Translation3::identity(),
-        Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 1e-3, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+        Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 3e-3, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
     );
     let mirror = Pose::from_parts(
         Translation3::identity(),
@@ -116,7 +116,7 @@ fn what_is_wrong_is_named() {
         (one().link("base", Pose::identity()).build(), &["link", "'base'", "twice"]),
         (with_axis(Vector3::zeros()), &["'j'", "axis", "length 0"]),
         (with_axis(Vector3::new(0.0, nan, 1.0)), &["'j'", "axis", "entry 1", "NaN"]),
-        (one().base(skewed).build(), &["base", "orthonormal", "1e-3", "1e-6"]),
+        (one().base(skewed).build(), &["base", "orthonormal", "0.0015", "1e-3"]),
         (one().tool(mirror).build(), &["tool", "reflection", "-1"]),
         (one().tool(moved(inf, 0.0, 0.0)).build(), &["tool", "inf", "finite"]),
         (limited(Limits { lower: 1.0, upper: -1.0, ..Limits::NONE }), &["'j'", "1", "above", "-1"]),

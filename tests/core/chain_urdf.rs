@@ -261,10 +261,19 @@ fn bad_ways_are_named() {
     assert!(
         matches!(&unknown, Error::UnknownName { kind: "link", name, valid } if name == "word" && valid.len() == 11)
     );
-    let text = read(ARM, "camera", "flange").unwrap_err().to_string();
-    assert!(text.contains("no way from base 'camera' to tip 'flange'") && text.contains("'world'"), "{text}");
-    let text = read(ARM, "flange", "world").unwrap_err().to_string();
-    assert!(text.contains("no way from base 'flange' to tip 'world'"), "{text}");
+    let islands = ARM.replacen("<link name=\"world\"/>", "<link name=\"world\"/><link name=\"island\"/>", 1);
+    let text = read(&islands, "island", "flange").unwrap_err().to_string();
+    for part in [
+        "no way from base 'island' to tip 'flange'",
+        "above 'island' is 'island'",
+        "above 'flange' is 'world'",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
+    let text = read(ARM, "shoulder", "turn").unwrap_err().to_string();
+    assert!(text.contains("unknown link 'turn'"), "{text}");
+    let leaf = Chain::from_urdf_string(ARM, Some("camera"), None, MissingLimits::Refuse).unwrap_err();
+    assert!(leaf.to_string().contains("no link is below base 'camera'"), "{leaf}");
     let text = read(ARM, "mast", "mast").unwrap_err().to_string();
     assert!(text.contains("same link 'mast'"), "{text}");
     let text = read(ARM, "world", "finger_right").unwrap_err().to_string();
@@ -293,6 +302,84 @@ fn bad_ways_are_named() {
     let text = read(&twice, "a", "c").unwrap_err().to_string();
     assert!(text.contains("joint name 'j' is used twice"), "{text}");
     assert!(read(&twice, "a", "b").is_ok()); // outside of the chain it harms nobody
+}
+
+/// The way up the tree and down again against the ways from the root.
+#[test]
+fn chains_run_over_the_common_ancestor() {
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let value = |chain: &Chain, q: &[f64], joint: &str| {
+        chain.joints().iter().position(|j| j.name == joint).map(|i| q[i])
+    };
+    for (base, tip, names) in [
+        ("camera", "flange", vec!["turn", "raise", "elbow", "roll"]),
+        ("flange", "world", vec!["roll", "elbow", "raise", "turn", "lift"]),
+        ("forearm", "camera", vec!["elbow", "raise", "turn"]),
+        ("wrist", "base_link", vec!["roll", "elbow", "raise", "turn", "lift"]),
+        ("finger_left", "camera", vec!["left", "roll", "elbow", "raise", "turn"]),
+    ] {
+        let chain = read(ARM, base, tip).unwrap();
+        let joints: Vec<&str> = chain.joints().iter().map(|j| j.name.as_str()).collect();
+        assert_eq!(joints, names);
+        assert_eq!(
+            (chain.links()[0].name.as_str(), chain.links().last().unwrap().name.as_str()),
+            (base, tip)
+        );
+        let whole = Chain::from_urdf_string(ARM, None, Some("finger_left"), MissingLimits::Refuse).unwrap();
+        for joint in chain.joints() {
+            let same = whole.joints().iter().find(|other| other.name == joint.name).unwrap();
+            assert_eq!((joint.kind, joint.limits), (same.kind, same.limits));
+        }
+        for _ in 0..20 {
+            let q: Vec<f64> = (0..chain.dof()).map(|_| rng.random_range(-2.0..2.0)).collect();
+            let from_root = |link: &str| {
+                let Ok(way) = Chain::from_urdf_string(ARM, None, Some(link), MissingLimits::Refuse) else {
+                    // The root itself, and what is fixed to it.
+                    let fix = whole.forward_link(&[0.0; 6], whole.link_index(link).unwrap()).unwrap();
+                    return fix;
+                };
+                let own: Vec<f64> =
+                    way.joints().iter().map(|j| value(&chain, &q, &j.name).unwrap_or(0.0)).collect();
+                way.forward(&own).unwrap()
+            };
+            let expected = from_root(base).inv_mul(&from_root(tip));
+            let pose = chain.forward(&q).unwrap();
+            assert!((pose.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-14, "{base} {tip}");
+            for (i, link) in chain.links().iter().enumerate() {
+                let expected = from_root(base).inv_mul(&from_root(&link.name));
+                let pose = chain.forward_link(&q, i).unwrap();
+                assert!(
+                    (pose.to_homogeneous() - expected.to_homogeneous()).amax() < 1e-14,
+                    "{base} {}",
+                    link.name
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn bodies_follow_the_joint_before_them_on_the_way_up() {
+    let chain = read(ARM, "flange", "mast").unwrap();
+    let masses: Vec<f64> = chain.inertias().unwrap().iter().map(|body| body.mass).collect();
+    // After roll the forearm moves, after elbow the upper arm, after raise the shoulder, after turn the mast with its camera.
+    assert_eq!(masses, [1.8, 3.0, 0.0, 6.9]);
+    // After lift the base with all that is fixed to it, above it as well.
+    let weighted = ARM.replacen(
+        "<link name=\"world\"/>",
+        "<link name=\"world\"><inertial><mass value=\"100\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" \
+         izz=\"1\"/></inertial></link>",
+        1,
+    );
+    let chain = read(&weighted, "flange", "base_link").unwrap();
+    let base = chain.inertias().unwrap()[4];
+    assert_eq!(base.mass, 112.0);
+    // Seen from the mast's frame at lift = 0: the joint is 0.1 above the base, whose centre is 0.05 above it, and world is
+    // (-0.1, 0.2, -0.3) turned by -0.5 about z.
+    let (sin, cos) = 0.5f64.sin_cos();
+    let world = Vector3::new(-0.1 * cos + 0.2 * sin, 0.2 * cos + 0.1 * sin, -0.4);
+    let center = (world * 100.0 + Vector3::new(0.0, 0.0, -0.05) * 12.0) / 112.0;
+    assert!((base.center_of_mass - center).norm() < 1e-15, "{} {center}", base.center_of_mass);
 }
 
 #[test]
@@ -326,7 +413,7 @@ fn hostile_shapes_are_bounded() {
     };
     // half a million levels would overflow the stack of anything that recurses
     let error = Chain::from_urdf_string(&deep(300_000), None, None, MissingLimits::Refuse).unwrap_err();
-    assert!(error.to_string().contains("several") || error.to_string().contains("same link"), "{error}");
+    assert!(error.to_string().contains("no link is below base 'a'"), "{error}");
     assert!(message(&format!("<robot>{}", "<a>".repeat(1_000_000))).contains("XML"));
     assert!(message(&format!("<robot {}/>", "a='1' ".repeat(300))).contains("attributes"));
     let spaces: String = (0..300).map(|i| format!("<a xmlns:n{i}='u{i}'>")).collect();

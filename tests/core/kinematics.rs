@@ -2,9 +2,9 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use redundancy_core::chain::{Chain, MissingLimits, catalog};
-use redundancy_core::kinematics::Scratch;
-use redundancy_core::nalgebra::{Matrix6xX, Vector3, Vector6};
+use redundancy_core::chain::{Chain, Inertia, Limits, MissingLimits, catalog};
+use redundancy_core::kinematics::{DynamicsScratch, JacobianFrame, JacobianOf, Scratch};
+use redundancy_core::nalgebra::{Matrix3, Matrix6xX, Vector3, Vector6};
 use redundancy_core::{Error, Pose, pose_to_row_major};
 
 use crate::allocations;
@@ -171,5 +171,137 @@ fn what_is_wrong_is_named() {
         for word in words {
             assert!(text.contains(word), "'{text}' lacks '{word}'");
         }
+    }
+}
+
+/// Points of links in the axes of links: against differences of the pose of the link, and against the Jacobian of the tool.
+#[test]
+fn jacobians_of_links_are_derivatives_of_their_points() {
+    let mut rng = ChaCha8Rng::seed_from_u64(41);
+    let h = 1e-6;
+    for arm in arms() {
+        for _ in 0..6 {
+            let q = random_q(&mut rng, arm.dof());
+            let pick = |rng: &mut ChaCha8Rng| rng.random_range(0..arm.links().len());
+            let link = rng.random_bool(0.8).then(|| pick(&mut rng));
+            let frame = match rng.random_range(0..3) {
+                0 => JacobianFrame::Base,
+                1 => JacobianFrame::Tool,
+                _ => JacobianFrame::Link(pick(&mut rng)),
+            };
+            let point = Vector3::from_fn(|_, _| rng.random_range(-0.5..0.5));
+            let pose = |q: &[f64]| match link {
+                None => arm.forward(q).unwrap(),
+                Some(link) => arm.forward_link(q, link).unwrap(),
+            };
+            let axes = match frame {
+                JacobianFrame::Base => Pose::identity(),
+                JacobianFrame::Tool => arm.forward(&q).unwrap(),
+                JacobianFrame::Link(link) => arm.forward_link(&q, link).unwrap(),
+            };
+            let of = JacobianOf { link, point, frame };
+            let jacobian = arm.jacobian_of(&q, &of).unwrap();
+            for j in 0..arm.dof() {
+                let moved = |step: f64| {
+                    let mut q = q.clone();
+                    q[j] += step;
+                    pose(&q)
+                };
+                let (plus, minus) = (moved(h), moved(-h));
+                let at = |pose: &Pose| pose.rotation * point + pose.translation.vector;
+                let linear = axes.rotation.inverse() * (at(&plus) - at(&minus)) / (2.0 * h);
+                let turn = *(plus.rotation * minus.rotation.inverse()).matrix();
+                let skew = Vector3::new(
+                    turn[(2, 1)] - turn[(1, 2)],
+                    turn[(0, 2)] - turn[(2, 0)],
+                    turn[(1, 0)] - turn[(0, 1)],
+                );
+                let angular = axes.rotation.inverse() * skew / (4.0 * h);
+                let column = jacobian.column(j);
+                assert!((column.fixed_rows::<3>(0) - linear).amax() < 1e-8, "{} {of:?} {j}", arm.name());
+                assert!((column.fixed_rows::<3>(3) - angular).amax() < 1e-8, "{} {of:?} {j}", arm.name());
+            }
+            // In a batch, and without allocating.
+            let (mut scratch, mut rows) = (Scratch::new(&arm), vec![0.0; 6 * arm.dof()]);
+            assert_eq!(
+                allocations::count(|| arm.write_jacobian_of(&q, &of, &mut scratch, &mut rows).unwrap()),
+                0
+            );
+            let mut batch = vec![0.0; 12 * arm.dof()];
+            arm.jacobian_of_batch(&[q.clone(), q.clone()].concat(), &of, &mut batch).unwrap();
+            assert_eq!(batch, [rows.clone(), rows].concat());
+        }
+        let q = vec![0.3; arm.dof()];
+        assert!(
+            (arm.jacobian_of(&q, &JacobianOf::default()).unwrap() - arm.jacobian(&q).unwrap()).amax() < 1e-15
+        );
+        let beyond = Some(arm.links().len());
+        assert!(arm.jacobian_of(&q, &JacobianOf { link: beyond, ..Default::default() }).is_err());
+    }
+}
+
+#[test]
+fn rails_and_payloads_extend_a_chain() {
+    let shift = redundancy_core::nalgebra::IsometryMatrix3::new(
+        Vector3::new(0.1, 0.2, 0.3),
+        Vector3::new(0.4, 0.5, -0.6),
+    );
+    let arm = catalog::load("iiwa14").unwrap().with_base(shift).unwrap();
+    let axis = Vector3::new(0.0, 3.0, 4.0);
+    let limits = Limits { lower: -0.5, upper: 2.0, velocity: 0.7, ..Limits::NONE };
+    let railed = arm.with_rail("rail", axis, limits).unwrap();
+    assert_eq!((railed.lower()[0], railed.upper()[0], railed.joints()[0].limits.velocity), (-0.5, 2.0, 0.7));
+    assert_eq!(railed.links()[0].name, "rail_base");
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for _ in 0..20 {
+        let q = random_q(&mut rng, 8);
+        let (on, off) = (railed.forward(&q).unwrap(), arm.forward(&q[1..]).unwrap());
+        assert!((on.translation.vector - off.translation.vector - axis * (q[0] / 5.0)).norm() < 1e-14);
+        assert!((on.rotation.matrix() - off.rotation.matrix()).amax() < 1e-15);
+        let (a, b) = (railed.jacobian(&q).unwrap(), arm.jacobian(&q[1..]).unwrap());
+        assert!((a.columns(1, 7) - b).amax() < 1e-14);
+        assert!((a.fixed_view::<3, 1>(0, 0) - axis / 5.0).norm() < 1e-15);
+        // The force that accelerates the rail: the mass of what the joints of the arm move.
+        let mut scratch = DynamicsScratch::new(&railed);
+        let mut tau = [0.0; 8];
+        let mut qdd = [0.0; 8];
+        qdd[0] = 1.0;
+        railed.inverse_dynamics(&q, &[0.0; 8], &qdd, &Vector3::zeros(), &mut scratch, &mut tau).unwrap();
+        let mass: f64 = arm.inertias().unwrap().iter().map(|body| body.mass).sum();
+        assert!((tau[0] - mass).abs() < 1e-12);
+    }
+    let gantry = railed.with_rail("bridge", Vector3::x(), limits).unwrap();
+    assert_eq!(
+        gantry.links()[..3].iter().map(|l| l.name.as_str()).collect::<Vec<_>>(),
+        ["bridge_base", "rail_base", arm.links()[0].name.as_str()]
+    );
+    for (refused, word) in [
+        (railed.with_rail("rail", axis, limits), "'rail' is used twice"),
+        (arm.with_rail("rail", Vector3::zeros(), limits), "length 0"),
+        (arm.with_rail("rail", axis, Limits { lower: 1.0, upper: 0.0, ..limits }), "above upper limit"),
+        (arm.with_payload(&Inertia::ZERO), "mass is 0"),
+        (
+            arm.with_payload(&Inertia {
+                mass: 1.0,
+                tensor: Matrix3::new(1.0, 0.1, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+                ..Inertia::ZERO
+            }),
+            "asymmetry",
+        ),
+        (
+            arm.with_payload(&Inertia {
+                mass: 1.0,
+                tensor: Matrix3::from_diagonal(&Vector3::new(1.0, -0.1, 1.0)),
+                ..Inertia::ZERO
+            }),
+            "eigenvalue",
+        ),
+        (
+            catalog::load("pa10").unwrap().with_payload(&Inertia { mass: 1.0, ..Inertia::ZERO }),
+            "has no inertias",
+        ),
+    ] {
+        let text = refused.unwrap_err().to_string();
+        assert!(text.contains(word), "{text}");
     }
 }

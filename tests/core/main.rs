@@ -4,26 +4,36 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod allocations;
+mod architecture;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;
 mod corrector;
 mod criterion;
 mod ik_descent;
+mod ik_parallel_axes;
 mod ik_solver;
 mod ik_spherical_wrist;
 mod inverse_dynamics;
+mod joint_space;
 mod kinematics;
 mod optimum;
+#[cfg(feature = "panda-class")]
+mod panda_class;
+mod parallel;
 mod path;
+mod path_edit;
 mod plan;
 mod planning;
 mod planning_brute;
 mod planning_scene;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod spray;
 mod support;
 mod task;
+mod trajectory_sample;
 mod velocity;

@@ -1,7 +1,6 @@
 //! Kinds of optima, critical points over a pose, and where they break [Park1996].
 
 use rand::Rng;
-use redundancy_core::Pose;
 use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::criterion::{Criterion, JointRange, Manipulability, Measure, Posture, Stationarity};
 use redundancy_core::kinematics::{NullSpace, Scratch, Task};
@@ -13,6 +12,7 @@ use redundancy_core::optimum::{
 };
 use redundancy_core::path::{Circle, EventKind, Path};
 use redundancy_core::solutions::{SrsArm, TraceSettings, self_motion_curves, trace_self_motion};
+use redundancy_core::{Pose, Status};
 
 use crate::allocations;
 use crate::support::{amount, difference, random_q, rng};
@@ -123,9 +123,11 @@ fn p2_and_p6_stop_at_d_and_p3_at_e() {
             let near = |a: [f64; 2]| (a[0] - at[0]).abs() < 0.51e-4 && (a[1] - at[1]).abs() < 0.51e-4;
             assert!(near(wrapped) || near(mirrored), "P{}: {found:?}", start + 1);
             let path = circle(samples);
-            let trajectory = followed.trajectory(&planar().0, &path).unwrap();
+            let plan = followed.plan(&planar().0, &path).unwrap();
+            let trajectory = plan.trajectory();
             let event = trajectory.events().last().unwrap();
             assert_eq!(event.index, trajectory.rows());
+            assert_eq!((plan.status(), plan.reason()), (Status::Singular, stop.message.as_str()));
             if let Some(t) = t {
                 assert!((event.t - t).abs() < 1e-10, "{} {}", event.t, stop.s / path.length());
             }

@@ -4,16 +4,16 @@ use std::f64::consts::{PI, TAU};
 
 use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::nalgebra::{Matrix3, Rotation3, Translation3};
-use redundancy_core::path::Path;
-use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+use redundancy_core::path::{Path, Plan};
+use redundancy_core::planning::{SwivelChoice, SwivelPlanSettings, plan_swivel};
 use redundancy_core::solutions::{SrsArm, Swivel};
-use redundancy_core::{Pose, Status};
+use redundancy_core::{Pose, Status, Watch};
 
-use crate::support::{pa10, pose_error};
+use crate::support::{pa10, pose_error, rows, swivel};
 
-fn run(arm: &SrsArm, poses: &[Pose], settings: &SwivelPlanSettings) -> SwivelPlan {
+fn run(arm: &SrsArm, poses: &[Pose], settings: &SwivelPlanSettings) -> Plan {
     let path = Path::new(poses, None, None).unwrap();
-    plan_swivel(arm, &path, settings, &mut |_| true).unwrap()
+    plan_swivel(arm, &path, settings, &Watch::default()).unwrap()
 }
 
 fn tool_down(x: f64, y: f64, z: f64) -> Pose {
@@ -77,24 +77,24 @@ fn raster_of_the_iiwa_is_legal_and_smooth() {
     let arm = SrsArm::new(&chain).unwrap();
     let poses = iiwa_raster(1_000);
     let plan = run(&arm, &poses, &SwivelPlanSettings::default());
-    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
-    for (q, pose) in plan.q.iter().zip(&poses) {
+    assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
+    for (q, pose) in rows(&plan).iter().zip(&poses) {
         assert!(chain.within_limits(q, 0.0));
         assert!(pose_error(&chain.forward(q).unwrap(), pose) < 1e-12);
     }
-    let (margin, length, step) = figures(&chain, &plan.q);
+    let (margin, length, step) = figures(&chain, rows(&plan));
     // GO_BEYOND.md: a dynamic program in numpy over the same grid has .127 and 16.4 rad.
     // At 0.2 m/s. The elbow's joint follows from the pose alone: where it is fastest, at a corner of the path, no swivel
     // changes that (1.052 rad/s); the others stay below.
     let dt = (10.0 * 0.6 + 9.0 * 0.02) / 999.0 / 0.2;
-    let elbow = plan.q.windows(2).map(|w| (w[1][3] - w[0][3]).abs()).fold(0.0, f64::max);
+    let elbow = rows(&plan).windows(2).map(|w| (w[1][3] - w[0][3]).abs()).fold(0.0, f64::max);
     assert!(margin > 0.127 && length < 16.45 && step <= elbow.max(1.04 * dt));
     assert!(elbow / dt < 1.053, "{}", elbow / dt);
     // No staircase: away from the corners of the path the swivel runs without kinks, far below a grid cell.
     let p: Vec<_> = poses.iter().map(|p| p.translation.vector).collect();
     let turns = |k: usize| (p[k + 1] - p[k]).normalize().dot(&(p[k] - p[k - 1]).normalize()) < 0.999;
     let far = |k: &usize| (*k).max(4) == *k && *k + 4 < p.len() && !(k - 3..k + 4).any(turns);
-    let kink = |k: usize| (plan.swivel[k + 1] - 2.0 * plan.swivel[k] + plan.swivel[k - 1]).abs();
+    let kink = |k: usize| (swivel(&plan)[k + 1] - 2.0 * swivel(&plan)[k] + swivel(&plan)[k - 1]).abs();
     let kinks = (4..p.len() - 4).filter(far).map(kink).fold(0.0, f64::max);
     assert!(kinks < 0.1 * TAU / 180.0, "{kinks}");
 }
@@ -105,8 +105,8 @@ fn pa10_follows_a_circle_with_windings() {
     let arm = SrsArm::new(&chain).unwrap();
     let poses = circle(300, [0.45, 0.0, 0.5], 0.12);
     let plan = run(&arm, &poses, &SwivelPlanSettings::default());
-    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
-    let (margin, length, step) = figures(&chain, &plan.q);
+    assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
+    let (margin, length, step) = figures(&chain, rows(&plan));
     // No plan can keep further away than the best configuration over its worst pose.
     let best = |pose: &Pose| {
         let rows =
@@ -118,7 +118,7 @@ fn pa10_follows_a_circle_with_windings() {
         margin > 0.8 * bound && margin > 0.05 && length < 4.0 && step < 0.02,
         "{margin} {bound} {length} {step}"
     );
-    for ((q, pose), s) in plan.q.iter().zip(&poses).zip(&plan.swivel) {
+    for ((q, pose), s) in rows(&plan).iter().zip(&poses).zip(swivel(&plan)) {
         assert!(pose_error(&chain.forward(q).unwrap(), pose) < 1e-12);
         assert!(((arm.swivel(q).unwrap() - s + PI).rem_euclid(TAU) - PI).abs() < 1e-9);
     }
@@ -131,8 +131,8 @@ fn a_fixed_swivel_is_kept_and_says_where_it_ends() {
     let poses = circle(200, [0.45, 0.0, 0.5], 0.12);
     let fixed = |s: f64| SwivelPlanSettings { choice: SwivelChoice::Fixed(vec![s]), ..Default::default() };
     let plan = run(&arm, &poses, &fixed(-PI / 2.0));
-    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
-    assert!(plan.swivel.iter().all(|s| (s + PI / 2.0).abs() < 1e-12));
+    assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
+    assert!(swivel(&plan).iter().all(|s| (s + PI / 2.0).abs() < 1e-12));
     // Find a swivel that some pose forbids for every branch.
     let narrow: Vec<Limits> = chain
         .joints()
@@ -141,8 +141,8 @@ fn a_fixed_swivel_is_kept_and_says_where_it_ends() {
         .collect();
     let tight = SrsArm::new(&chain.with_limits(&narrow).unwrap()).unwrap();
     let plan = run(&tight, &poses, &fixed(PI));
-    assert_ne!(plan.status, Status::Converged);
-    assert!(plan.reason.contains("point") && plan.reason.contains("joint"), "{}", plan.reason);
+    assert_ne!(plan.status(), Status::Converged);
+    assert!(plan.reason().contains("point") && plan.reason().contains("joint"), "{}", plan.reason());
 }
 
 #[test]
@@ -153,11 +153,13 @@ fn unreachable_points_are_counted_and_named() {
         poses[k] = tool_down(2.0, 0.0, 0.5);
     }
     let plan = run(&arm, &poses, &SwivelPlanSettings::default());
-    assert_eq!((plan.status, plan.blocked.clone()), (Status::Unreachable, vec![17, 31]));
+    assert_eq!(plan.status(), Status::Unreachable);
+    assert_eq!(plan.blocked().iter().map(|point| point.row).collect::<Vec<_>>(), [17, 31]);
+    assert!(plan.proven() && plan.legal() == Some(false));
     assert!(
-        plan.reason.starts_with("2 of 50 points have no configuration; the first is point 17: the wrist")
+        plan.reason().starts_with("2 of 50 points have no configuration; the first is point 17: the wrist")
     );
-    assert!(plan.q.is_empty());
+    assert!(rows(&plan).is_empty());
 }
 
 #[test]
@@ -173,10 +175,14 @@ fn a_path_that_cannot_be_continuous_takes_the_fewest_reconfigurations() {
         })
         .collect();
     let plan = run(&arm, &poses, &SwivelPlanSettings::default());
-    assert_eq!(plan.status, Status::Infeasible);
-    assert_eq!(plan.reconfigurations.len(), 1, "{}", plan.reason);
-    assert!(plan.reason.contains("it takes one reconfiguration, the first before point"), "{}", plan.reason);
-    assert_eq!(plan.q.len(), poses.len());
+    assert_eq!(plan.status(), Status::Infeasible);
+    assert_eq!(plan.reconfigurations().len(), 1, "{}", plan.reason());
+    assert!(
+        plan.reason().contains("it takes one reconfiguration, the first before point"),
+        "{}",
+        plan.reason()
+    );
+    assert_eq!(rows(&plan).len(), poses.len());
 }
 
 #[test]
@@ -185,7 +191,7 @@ fn settings_and_paths_are_checked() {
     let poses = circle(10, [0.45, 0.0, 0.5], 0.12);
     let path = Path::new(&poses, None, None).unwrap();
     let refused = |settings: SwivelPlanSettings| {
-        plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap_err().to_string()
+        plan_swivel(&arm, &path, &settings, &Watch::default()).unwrap_err().to_string()
     };
     let default = SwivelPlanSettings::default;
     assert!(refused(SwivelPlanSettings { swivels: 3, ..default() }).contains("between 8 and 7200"));
@@ -194,10 +200,12 @@ fn settings_and_paths_are_checked() {
     assert!(refused(SwivelPlanSettings { choice: near, ..default() }).contains("expected 10 entries, got 3"));
     let positions: Vec<_> = poses.iter().map(|p| p.translation.vector).collect();
     let bare = Path::from_positions(&positions, None, None).unwrap();
-    let error = plan_swivel(&arm, &bare, &default(), &mut |_| true).unwrap_err();
+    let error = plan_swivel(&arm, &bare, &default(), &Watch::default()).unwrap_err();
     assert!(error.to_string().contains("positions only"));
-    let stopped = plan_swivel(&arm, &path, &default(), &mut |_| false).unwrap();
-    assert_eq!(stopped.status, Status::Cancelled);
+    let stopped = plan_swivel(&arm, &path, &default(), &Watch::default().with_observer(|_| false)).unwrap();
+    assert_eq!((stopped.status(), stopped.rows()), (Status::Cancelled, 0));
+    let late = Watch::default().with_time_limit(0.0).unwrap();
+    assert_eq!(plan_swivel(&arm, &path, &default(), &late).unwrap().status(), Status::TimeLimit);
 }
 
 #[test]
@@ -210,17 +218,16 @@ fn velocity_limits_hold_when_the_path_has_times() {
     for (duration, expected) in [(30.0, Status::Converged), (0.5, Status::Infeasible)] {
         let t: Vec<f64> = (0..1_000).map(|k| duration * f64::from(k) / 999.0).collect();
         let path = Path::new(&poses, None, Some(&t)).unwrap();
-        let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
-        assert_eq!(plan.status, expected, "{}", plan.reason);
+        let plan = plan_swivel(&arm, &path, &settings, &Watch::default()).unwrap();
+        assert_eq!(plan.status(), expected, "{}", plan.reason());
         if expected == Status::Converged {
-            let trajectory = plan.trajectory(&chain, &path).unwrap();
-            assert_eq!(trajectory.t(), &t[..]);
-            for rows in plan.q.windows(2) {
-                let speeds = (0..7).map(|i| (rows[1][i] - rows[0][i]).abs() / (duration / 999.0) / limits[i]);
+            assert_eq!(plan.trajectory().t(), &t[..]);
+            for pair in rows(&plan).windows(2) {
+                let speeds = (0..7).map(|i| (pair[1][i] - pair[0][i]).abs() / (duration / 999.0) / limits[i]);
                 assert!(speeds.fold(0.0, f64::max) <= 1.0 + 1e-9);
             }
         } else {
-            assert!(plan.reason.contains("would have to step by"), "{}", plan.reason);
+            assert!(plan.reason().contains("would have to step by"), "{}", plan.reason());
         }
     }
 }

@@ -7,15 +7,15 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::nalgebra::{Rotation3, Translation3, Vector3};
-use redundancy_core::path::Path;
-use redundancy_core::planning::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+use redundancy_core::path::{Path, Plan};
+use redundancy_core::planning::{SwivelChoice, SwivelPlanSettings, plan_swivel};
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Shape, Sphere};
 use redundancy_core::solutions::{SelfMotion, SrsArm};
-use redundancy_core::{Pose, Status};
+use redundancy_core::{Pose, Status, Watch};
 
 use crate::planning::iiwa_raster;
 use crate::planning_scene::{ball, laps, ramp};
-use crate::support::{amount, pa10, pose_error};
+use crate::support::{amount, pa10, pose_error, rows, swivel};
 
 fn distance(scene: &Scene, chain: &Chain, q: &[f64]) -> f64 {
     scene.clearance(chain, q, 0.05).unwrap().map_or(f64::INFINITY, |near| near.distance)
@@ -97,10 +97,10 @@ impl<'a> Cost<'a> {
         self.settings.motion_weight * square / self.parts[k]
     }
 
-    fn of(&self, plan: &SwivelPlan) -> f64 {
-        let n = plan.q.len();
-        let places: f64 = (0..n).map(|k| self.place(k, &plan.q[k], plan.swivel[k])).sum();
-        places + (1..n).map(|k| self.step(k - 1, &plan.q[k - 1], &plan.q[k])).sum::<f64>()
+    fn of(&self, plan: &Plan) -> f64 {
+        let n = rows(plan).len();
+        let places: f64 = (0..n).map(|k| self.place(k, &rows(plan)[k], swivel(plan)[k])).sum();
+        places + (1..n).map(|k| self.step(k - 1, &rows(plan)[k - 1], &rows(plan)[k])).sum::<f64>()
     }
 }
 
@@ -177,9 +177,10 @@ fn thinned(path: &Path, stride: usize) -> Path {
 #[test]
 fn a_plan_costs_no_more_than_a_plain_grid_search() {
     let compare = |name: &str, arm: &SrsArm, path: &Path, settings: &SwivelPlanSettings, cells: usize| {
-        let plan = plan_swivel(arm, path, settings, &mut |_| true).unwrap();
-        assert_eq!(plan.status, Status::Converged, "{name}: {}", plan.reason);
+        let plan = plan_swivel(arm, path, settings, &Watch::default()).unwrap();
+        assert_eq!(plan.status(), Status::Converged, "{name}: {}", plan.reason());
         let ours = Cost::new(arm, path, settings).of(&plan);
+        assert!((plan.cost().unwrap() / ours - 1.0).abs() < 1e-9, "{name}: {:?} {ours}", plan.cost());
         let grid = grid_search(arm, path, settings, cells, (cells / 24) as isize);
         assert!(ours <= grid * (1.0 + 1e-9), "{name}: {ours}, grid search {grid}");
     };
@@ -250,16 +251,16 @@ fn problem(arm: &SrsArm, rng: &mut ChaCha8Rng, hard: bool) -> (Path, Scene) {
 }
 
 /// Ten times finer than the path: joints straight between the rows, and the pose solved again between the points.
-fn check_dense(arm: &SrsArm, path: &Path, scene: &Scene, plan: &SwivelPlan) -> Result<(), String> {
+fn check_dense(arm: &SrsArm, path: &Path, scene: &Scene, plan: &Plan) -> Result<(), String> {
     let chain = arm.chain();
-    for k in 0..plan.q.len() {
-        assert!(pose_error(&chain.forward(&plan.q[k]).unwrap(), &path.poses()[k]) < 1e-10);
-        if !within(chain, &plan.q[k]) || distance(scene, chain, &plan.q[k]) <= 0.0 {
+    for k in 0..rows(plan).len() {
+        assert!(pose_error(&chain.forward(&rows(plan)[k]).unwrap(), &path.poses()[k]) < 1e-10);
+        if !within(chain, &rows(plan)[k]) || distance(scene, chain, &rows(plan)[k]) <= 0.0 {
             return Err(format!("at point {k}"));
         }
     }
-    for k in 1..plan.q.len() {
-        let (a, b) = (&plan.q[k - 1], &plan.q[k]);
+    for k in 1..rows(plan).len() {
+        let (a, b) = (&rows(plan)[k - 1], &rows(plan)[k]);
         if (0..7).any(|i| (b[i] - a[i]).abs() > FRAC_PI_4) {
             return Err(format!("a jump before point {k}"));
         }
@@ -272,8 +273,14 @@ fn check_dense(arm: &SrsArm, path: &Path, scene: &Scene, plan: &SwivelPlan) -> R
             }
             let (from, to) = (path.s()[k - 1], path.s()[k]);
             let pose = path.at(from + f * (to - from)).unwrap().pose;
-            let s = plan.swivel[k - 1] + f * (plan.swivel[k] - plan.swivel[k - 1]);
-            let again = arm.self_motion(&pose).unwrap().branch(plan.branch[k]).unwrap().q(s).unwrap();
+            let s = swivel(plan)[k - 1] + f * (swivel(plan)[k] - swivel(plan)[k - 1]);
+            let again = arm
+                .self_motion(&pose)
+                .unwrap()
+                .branch(plan.pieces().unwrap().index[k])
+                .unwrap()
+                .q(s)
+                .unwrap();
             let again: [f64; 7] =
                 std::array::from_fn(|i| again[i] + TAU * ((straight[i] - again[i]) / TAU).round());
             let near = distance(scene, chain, &again);
@@ -350,8 +357,8 @@ fn random_scenes_are_solved_or_cannot_be() {
             // Every other problem is long and cluttered: some of those take a reconfiguration.
             let (path, scene) = problem(&arm, &mut rng, case % 2 == 1);
             let settings = SwivelPlanSettings { scene: Some(scene.clone()), ..Default::default() };
-            let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
-            match plan.status {
+            let plan = plan_swivel(&arm, &path, &settings, &Watch::default()).unwrap();
+            match plan.status() {
                 Status::Converged => {
                     counts[0] += 1;
                     if let Err(what) = check_dense(&arm, &path, &scene, &plan) {
@@ -360,22 +367,22 @@ fn random_scenes_are_solved_or_cannot_be() {
                 }
                 Status::Infeasible => {
                     counts[1] += 1;
-                    assert!(!plan.reconfigurations.is_empty());
+                    assert!(!plan.reconfigurations().is_empty());
                     let exists = some_line_exists(&arm, &path, &scene, amount(360, 1_440));
-                    assert!(!exists, "{name} {case}: {}", plan.reason);
+                    assert!(!exists, "{name} {case}: {}", plan.reason());
                 }
-                Status::Unreachable => {
+                Status::Collision => {
                     counts[2] += 1;
-                    let motion = arm.self_motion(&path.poses()[plan.blocked[0]]).unwrap();
+                    let motion = arm.self_motion(&path.poses()[plan.blocked()[0].row]).unwrap();
                     let free = |q: [f64; 7]| {
                         !windings(arm.chain(), &q).is_empty() && distance(&scene, arm.chain(), &q) > 0.0
                     };
                     let some = motion.branches().iter().any(|branch| {
                         (0..7_200).any(|i| free(branch.q(TAU * f64::from(i) / 7_200.0).unwrap()))
                     });
-                    assert!(!some, "{name} {case}: {}", plan.reason);
+                    assert!(!some, "{name} {case}: {}", plan.reason());
                 }
-                other => panic!("{name} {case}: {other} {}", plan.reason),
+                other => panic!("{name} {case}: {other} {}", plan.reason()),
             }
         }
     }
@@ -394,18 +401,18 @@ fn a_closed_path_closes_in_the_joints_after_ten_rounds() {
     let settings = SwivelPlanSettings { cyclic: true, scene: Some(ball()), ..Default::default() };
     let run = |poses: &[Pose]| {
         let path = Path::new(poses, None, None).unwrap();
-        let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
-        assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+        let plan = plan_swivel(&arm, &path, &settings, &Watch::default()).unwrap();
+        assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
         plan
     };
     let gap = |a: &[f64; 7], b: &[f64; 7]| (0..7).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
     // One lap, executed ten times: where it ends the next one begins.
     let lap = run(&(0..=120).map(|k| pose(k, 120)).collect::<Vec<_>>());
-    assert!(gap(&lap.q[0], &lap.q[120]) < 1e-9);
+    assert!(gap(&rows(&lap)[0], &rows(&lap)[120]) < 1e-9);
     // Ten laps as one path.
     let ten = run(&(0..=1_000).map(|k| pose(k, 100)).collect::<Vec<_>>());
-    assert!(gap(&ten.q[0], &ten.q[1_000]) < 1e-9);
-    let apart = (1..10).map(|lap| gap(&ten.q[0], &ten.q[100 * lap])).fold(0.0, f64::max);
+    assert!(gap(&rows(&ten)[0], &rows(&ten)[1_000]) < 1e-9);
+    let apart = (1..10).map(|lap| gap(&rows(&ten)[0], &rows(&ten)[100 * lap])).fold(0.0, f64::max);
     assert!(apart < 1e-2, "{apart}");
 }
 
@@ -427,9 +434,9 @@ fn the_raster_beside_five_primitives_is_clear_ten_times_finer() {
     .unwrap();
     let path = Path::new(&iiwa_raster(1_000), None, None).unwrap();
     let settings = SwivelPlanSettings { swivels: 360, scene: Some(scene.clone()), ..Default::default() };
-    let plan = plan_swivel(&arm, &path, &settings, &mut |_| true).unwrap();
-    assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+    let plan = plan_swivel(&arm, &path, &settings, &Watch::default()).unwrap();
+    assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
     // The raster's corners are no smooth curve: there the pose between two points is off the straight line.
     check_dense(&arm, &path, &scene, &plan).unwrap();
-    assert!(plan.clearance.iter().all(|d| *d >= 0.03));
+    assert!(plan.clearance().unwrap().iter().all(|d| *d >= 0.03));
 }

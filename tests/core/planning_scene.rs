@@ -4,16 +4,15 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use redundancy_core::chain::Limits;
 use redundancy_core::nalgebra::{Rotation3, Translation3, Vector3};
-use redundancy_core::path::Path;
+use redundancy_core::path::{Path, Plan};
 use redundancy_core::planning::{
-    FlowForm, FlowState, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings,
-    plan_swivel,
+    FlowForm, FlowState, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlanSettings, plan_swivel,
 };
 use redundancy_core::scene::{Scene, Sphere};
 use redundancy_core::solutions::SrsArm;
-use redundancy_core::{Pose, Status};
+use redundancy_core::{Pose, Status, Watch};
 
-use super::support::{pa10, pose_error};
+use super::support::{pa10, pose_error, rows, swivel};
 
 /// Three laps of six seconds around a horizontal circle, tool down, a row every hundredth of a second.
 pub fn laps() -> Path {
@@ -42,15 +41,15 @@ pub fn ramp(to: f64) -> Vec<f64> {
     (0..=1_800).map(|k| -PI + (to + PI) * f64::from(k) / 1_800.0).collect()
 }
 
-fn flow(form: FlowForm, lambda: f64, s0: f64, desired: &[f64]) -> SwivelPlan {
+fn flow(form: FlowForm, lambda: f64, s0: f64, desired: &[f64]) -> Plan {
     let arm = SrsArm::new(&pa10()).unwrap();
     let settings = SwivelFlowSettings { form, lambda, ..Default::default() };
     let flow = SwivelFlow::new(&arm, &ball(), settings).unwrap();
-    flow.follow(&laps(), s0, 0.01, desired, &mut |_| true).unwrap().0
+    flow.follow(&laps(), s0, 0.01, desired, &Watch::default()).unwrap()
 }
 
-fn least(plan: &SwivelPlan) -> f64 {
-    plan.clearance.iter().copied().fold(f64::INFINITY, f64::min)
+fn least(plan: &Plan) -> f64 {
+    plan.clearance().unwrap().iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Rows at which the rate changes its sign, also where the swivel stood still in between.
@@ -72,7 +71,7 @@ fn turns(swivel: &[f64]) -> Vec<usize> {
 fn the_papers_flow_does_what_was_seen() {
     let hanging = [-FRAC_PI_2];
     for form in [FlowForm::Paper, FlowForm::PaperU] {
-        let near = |plan: &SwivelPlan, expected: f64, within: f64| {
+        let near = |plan: &Plan, expected: f64, within: f64| {
             let least = least(plan);
             assert!((least - expected).abs() < within, "{form:?}: {least}, expected {expected}");
         };
@@ -85,9 +84,9 @@ fn the_papers_flow_does_what_was_seen() {
         let fast = flow(form, 0.5, -PI, &ramp(5.0 * PI));
         near(&fast, 0.0181, 1.5e-3);
         if form == FlowForm::Paper {
-            assert!((fast.swivel.last().unwrap() + 2.03).abs() < 0.01);
+            assert!((swivel(&fast).last().unwrap() + 2.03).abs() < 0.01);
             let slow = flow(form, 0.5, -PI, &ramp(PI));
-            assert!((slow.swivel.last().unwrap() + 2.03).abs() < 0.01);
+            assert!((swivel(&slow).last().unwrap() + 2.03).abs() < 0.01);
         }
     }
 }
@@ -100,15 +99,15 @@ fn the_robust_flow_keeps_its_distance() {
         let plan = flow(FlowForm::Robust, 0.5, s0, &desired);
         assert!(least(&plan) >= 0.02 - 1e-9, "{name}: {}", least(&plan));
         // It turns round with the path, about twice a lap; nothing chatters.
-        let turns = turns(&plan.swivel);
+        let turns = turns(swivel(&plan));
         assert!(turns.len() < 10 && turns.windows(2).all(|w| w[1] - w[0] > 20), "{name}: {turns:?}");
-        let fastest = plan.swivel.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+        let fastest = swivel(&plan).windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
         assert!(fastest <= 0.03 + 1e-12, "{name}: {fastest}");
     }
     // From inside: it says how deep, and leaves.
     let plan = flow(FlowForm::Robust, 0.5, -FRAC_PI_2, &[-FRAC_PI_2]);
-    assert!(plan.reason.contains("starts 62.46"), "{}", plan.reason);
-    assert!(plan.clearance[60..].iter().all(|d| *d >= 0.02 - 1e-9));
+    assert!(plan.reason().contains("starts 62.46"), "{}", plan.reason());
+    assert!(plan.clearance().unwrap()[60..].iter().all(|d| *d >= 0.02 - 1e-9));
 }
 
 /// Steps with the joints and the rate before are the rows of `follow`.
@@ -117,13 +116,13 @@ fn steps_with_what_was_before_do_what_follow_does() {
     let arm = SrsArm::new(&pa10()).unwrap();
     let flow = SwivelFlow::new(&arm, &ball(), SwivelFlowSettings::default()).unwrap();
     let (path, wish) = (laps(), ramp(PI));
-    let plan = flow.follow(&path, -PI, 0.01, &wish, &mut |_| true).unwrap().0;
-    let (mut s, mut state) = (-PI, FlowState { q: Some(plan.q[0]), rate: None });
+    let plan = flow.follow(&path, -PI, 0.01, &wish, &Watch::default()).unwrap();
+    let (mut s, mut state) = (-PI, FlowState { q: Some(rows(&plan)[0]), rate: None });
     let mut fastest = [0.0_f64; 2];
     for k in 1..=300 {
         let (t, pose) = (0.01 * k as f64, &path.poses()[k]);
         let step = flow.step(pose, s, wish[k], 0.01, t, &state).unwrap();
-        assert!((step.swivel - plan.swivel[k]).abs() < 1e-6, "{k}: {} {}", step.swivel, plan.swivel[k]);
+        assert!((step.swivel - swivel(&plan)[k]).abs() < 1e-6, "{k}: {} {}", step.swivel, swivel(&plan)[k]);
         // Blind to the joints before it may turn them faster.
         let blind = flow.step(pose, s, wish[k], 0.01, t, &FlowState { q: None, ..state }).unwrap();
         for (most, q) in fastest.iter_mut().zip([&step.q, &blind.q]) {
@@ -149,10 +148,10 @@ fn the_plan_solves_all_three() {
             branch: Some(0),
             ..Default::default()
         };
-        let plan = plan_swivel(&arm, &laps(), &settings, &mut |_| true).unwrap();
-        assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+        let plan = plan_swivel(&arm, &laps(), &settings, &Watch::default()).unwrap();
+        assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
         assert!(least(&plan) >= 0.029, "{}", least(&plan));
-        for (q, pose) in plan.q.iter().zip(laps().poses()).step_by(20) {
+        for (q, pose) in rows(&plan).iter().zip(laps().poses()).step_by(20) {
             assert!(arm.chain().within_limits(q, 0.0));
             assert!(pose_error(&arm.chain().forward(q).unwrap(), pose) < 1e-12);
         }
@@ -197,11 +196,11 @@ fn the_slow_ramp_is_followed_through_where_the_joints_allow_it() {
         let wish = ramp(PI);
         let choice = SwivelChoice::Near(wish.clone());
         let settings = SwivelPlanSettings { scene: Some(ball()), choice, ..Default::default() };
-        let plan = plan_swivel(arm, &path, &settings, &mut |_| true).unwrap();
-        assert_eq!(plan.status, Status::Converged, "{}", plan.reason);
+        let plan = plan_swivel(arm, &path, &settings, &Watch::default()).unwrap();
+        assert_eq!(plan.status(), Status::Converged, "{}", plan.reason());
         assert!(least(&plan) >= 0.029, "{}", least(&plan));
         let error: Vec<f64> =
-            plan.swivel.iter().zip(&wish).map(|(s, w)| ((s - w + PI).rem_euclid(TAU) - PI).abs()).collect();
+            swivel(&plan).iter().zip(&wish).map(|(s, w)| ((s - w + PI).rem_euclid(TAU) - PI).abs()).collect();
         let mean = error.iter().sum::<f64>() / error.len() as f64;
         assert!(error[1_800] < 0.2 && mean < 0.55, "{name}: {mean} {:?}", error.last());
     }

@@ -4,12 +4,12 @@ use redundancy_core::chain::{Chain, catalog};
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::path::Path;
 use redundancy_core::planning::{
-    BarrierRule, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin, plan_orientation,
+    BarrierRule, OrientationPlanSettings, OrientationRule, RuleKind, RuleSpin, plan_orientation,
 };
 use redundancy_core::timing::{
     MaxSpeed, SpeedLimit, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
-use redundancy_core::{Pose, Status};
+use redundancy_core::{Pose, Status, Watch};
 
 use crate::support::amount;
 
@@ -146,25 +146,25 @@ fn a_plan_is_faster_than_its_start_and_keeps_what_it_promises() {
         speed: SpeedSettings { joint_limits: false, ..SpeedSettings::of(&chain) },
         ..OrientationPlanSettings::new(&chain, half_angle)
     };
-    let watch = PlanWatch::default();
+    let watch = Watch::default();
     let plan = plan_orientation(&chain, &path, &settings, &watch).unwrap();
     assert!(plan.speed > plan.constant_speed.unwrap() && watch.share() == 1.0);
     let limits: Vec<f64> = chain.joints().iter().map(|j| j.limits.effort).collect();
-    for (k, pose) in plan.poses.iter().enumerate() {
-        let q = &plan.q[k * 6..(k + 1) * 6];
+    for (k, pose) in plan.plan.poses().unwrap().iter().enumerate() {
+        let q = plan.plan.trajectory().q_row(k);
         assert!(crate::support::pose_error(&chain.forward(q).unwrap(), pose) < 1e-11);
         assert!(-pose.rotation.matrix()[(2, 2)] >= half_angle.cos() - 1e-12);
         assert!((0..6).all(|j| plan.torques[k * 6 + j].abs() <= limits[j] * (1.0 + 1e-12)));
     }
     // The same speed from the joint positions alone, by another way to the derivatives.
-    let again = max_speed(&chain, &plan.s, &plan.q, &settings.speed).unwrap();
+    let again = max_speed(&chain, plan.plan.s().unwrap(), plan.plan.q(), &settings.speed).unwrap();
     assert!((again.speed / plan.speed - 1.0).abs() < 2e-3, "{} {}", again.speed, plan.speed);
     // However short the time, the path's own orientation is tried.
     let hasty = OrientationPlanSettings { time_limit: 1e-3, ..settings.clone() };
-    let plan = plan_orientation(&chain, &path, &hasty, &PlanWatch::default()).unwrap();
-    assert_eq!(plan.status, Status::TimeLimit);
-    assert!(plan.speed >= 0.99 * plan.constant_speed.unwrap(), "{}", plan.reason);
+    let plan = plan_orientation(&chain, &path, &hasty, &Watch::default()).unwrap();
+    assert_eq!(plan.plan.status(), Status::TimeLimit);
+    assert!(plan.speed >= 0.99 * plan.constant_speed.unwrap(), "{}", plan.plan.reason());
     watch.cancel();
     let stopped = plan_orientation(&chain, &path, &settings, &watch).unwrap();
-    assert_eq!(stopped.status, Status::Cancelled);
+    assert_eq!(stopped.plan.status(), Status::Cancelled);
 }

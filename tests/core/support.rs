@@ -3,8 +3,9 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use redundancy_core::Pose;
-use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits};
+use redundancy_core::chain::{Chain, ChainBuilder, JointKind, Limits, MissingLimits};
 use redundancy_core::nalgebra::{Rotation3, Translation3, Unit, Vector3};
+use redundancy_core::path::Plan;
 
 pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
@@ -125,4 +126,21 @@ pub fn difference(a: &[f64], b: &[f64]) -> f64 {
 pub fn pose_error(a: &Pose, b: &Pose) -> f64 {
     let translation = (a.translation.vector - b.translation.vector).norm();
     translation.max((a.rotation.matrix() - b.rotation.matrix()).norm())
+}
+
+/// The rows of a plan for seven joints.
+pub fn rows(plan: &Plan) -> &[[f64; 7]] {
+    plan.q_rows()
+}
+
+/// The swivel of each row of a plan.
+pub fn swivel(plan: &Plan) -> &[f64] {
+    plan.spare_named("swivel").unwrap()
+}
+
+/// An arm of `tests/data/arms`, from PyPI's example-robot-data (see the PROVENANCE there).
+pub fn urdf_arm(name: &str, base: &str, tip: &str) -> Chain {
+    let path = format!("{}/../../tests/data/arms/{name}.urdf", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    Chain::from_urdf_string(&text, Some(base), Some(tip), MissingLimits::Refuse).unwrap()
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use redundancy_core::Status;
 use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::criterion::{Criterion, JointRange, Posture};
 use redundancy_core::kinematics::{Scratch, Task};
@@ -13,6 +12,7 @@ use redundancy_core::velocity::{
     Damping, ExtendedJacobian, Gain, ProjectedGradient, ReducedGradient, Resolver, SaturatedNullspace,
     StepInput, sigma_min,
 };
+use redundancy_core::{Status, Watch};
 
 use crate::allocations;
 use crate::support::amount;
@@ -544,7 +544,7 @@ fn drift_over_closed_cycles() {
     let path = Path::new(&poses, None, Some(&times)).unwrap();
     let srs = redundancy_core::solutions::SrsArm::new(&arm).unwrap();
     let start = srs.self_motion(&poses[0]).unwrap().best(&*h).unwrap().unwrap();
-    let settings = TrackSettings { dt: 0.01, feedback: 20.0, block: 1000 };
+    let settings = TrackSettings::new(0.01, 20.0);
     let mut report = String::new();
     let (gain, damping) = (Gain::Constant(3.0), Some(Damping::default()));
     let schemes: [Box<dyn Resolver>; 4] = [
@@ -554,10 +554,10 @@ fn drift_over_closed_cycles() {
         Box::new(ExtendedJacobian::new(&arm, h.clone(), 10.0, Task::POSE, damping).unwrap()),
     ];
     for scheme in schemes {
-        let run = track(&*scheme, &path, &start.q, &settings, &mut |_| true).unwrap();
-        assert_eq!(run.status, Status::Converged);
+        let run = track(&*scheme, &path, &start.q, &settings, &Watch::default()).unwrap();
+        assert_eq!(run.plan.status(), Status::Converged, "{}", run.plan.reason());
         assert!(run.position_error < 1e-3, "{} {}", scheme.name(), run.position_error);
-        let row = |turn: usize| run.trajectory.q_row(turn * 400);
+        let row = |turn: usize| run.plan.trajectory().q_row(turn * 400);
         let drift =
             |turn: usize| row(turn).iter().zip(row(turn - 1)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         report += &format!("{}: first cycle {:.2e}, tenth {:.2e}\n", scheme.name(), drift(1), drift(10));

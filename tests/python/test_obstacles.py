@@ -49,7 +49,7 @@ def test_a_closed_path_ends_as_it_began(arm: rd.SrsArm) -> None:
 def test_an_obstacle_over_the_tool_path_is_named(arm: rd.SrsArm) -> None:
     scene = rd.Scene([rd.Capsule((1, 1, 1), (1, 1, 2), 0.1), rd.Sphere((0.45, 0.12, 0.5), 0.05)])
     plan = rd.plan_swivel(arm, lap(), scene)
-    assert plan.status == "unreachable"
+    assert plan.status == "collision" and not plan.legal
     assert len(plan) == 0
     assert plan.blocked
     assert f"the first is point {plan.blocked[0]}" in plan.reason

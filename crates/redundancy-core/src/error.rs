@@ -55,16 +55,16 @@ pub enum Error {
         tolerance: f64,
     },
     /// A matrix is not a rigid transform.
-    #[error("{what} is not a rigid transform: {reason} (measured {measured:e}, bound {bound:e})")]
+    #[error("{what} is not a rigid transform: {reason} is {}, it must be {bound}", plain(*measured))]
     NotRigid {
         /// What was given.
         what: String,
-        /// Which property fails.
+        /// Which property fails, and what is measured.
         reason: &'static str,
-        /// The measured deviation.
+        /// The measured value.
         measured: f64,
-        /// The accepted deviation.
-        bound: f64,
+        /// The bound in words, such as "at most 1e-3".
+        bound: String,
     },
     /// A lower limit lies above its upper limit.
     #[error("joint '{joint}': lower limit {lower} is above upper limit {upper}")]
@@ -98,6 +98,18 @@ pub enum Error {
     /// The chain is not a six-joint arm with a spherical wrist.
     #[error("not a six-joint arm with a spherical wrist: {reason}")]
     NotSphericalWrist {
+        /// Which condition fails, by how many millimetres or milliradians.
+        reason: String,
+    },
+    /// The chain is not a six-joint arm whose axes 2, 3 and 4 are parallel.
+    #[error("not a six-joint arm with three parallel axes: {reason}")]
+    NotParallelAxes {
+        /// Which condition fails, by how many millimetres or milliradians.
+        reason: String,
+    },
+    /// The chain is not a seven-joint arm with a spherical shoulder, axes 5 and 6 that meet, and an offset of axis 7.
+    #[error("not an arm of the Panda class: {reason}")]
+    NotPandaClass {
         /// Which condition fails, by how many millimetres or milliradians.
         reason: String,
     },

@@ -14,14 +14,34 @@
 //!
 //! # Rooms
 //! Data flows one way; a room uses only rooms to its left:
-//! `rotation -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`.
+//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`;
+//! the root files status, error, tolerance, watch and parallel are left of everything.
 //! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
+//!
+//! # Features
+//! All are on by default; without them the crate needs nalgebra, thiserror, wide and a random generator.
+//!
+//! | feature | what it adds | packages |
+//! |---|---|---|
+//! | `urdf` | chains and collision geometry from URDF | roxmltree, urdf-rs |
+//! | `io` | paths, trajectories and scenes as CSV and JSON | csv, serde, serde_json |
+//! | `parallel` | batches and searches on all cores, with the same results | rayon |
+//! | `plan` | `planning::plan_orientation` | clarabel |
+//! | `mesh` | triangle meshes | parry3d-f64, mesh-loader |
+
+// Helpers of a feature stay in without it; the build with all features finds what nothing needs.
+#![cfg_attr(
+    not(all(feature = "urdf", feature = "io", feature = "parallel", feature = "plan", feature = "mesh")),
+    allow(dead_code, unused_imports)
+)]
 
 pub mod chain;
 pub mod criterion;
 pub mod ik;
+pub mod joint_space;
 pub mod kinematics;
 pub mod optimum;
+pub mod parallel;
 pub mod path;
 pub mod planning;
 pub mod rotation;
@@ -38,6 +58,6 @@ mod watch;
 
 pub use error::{Error, Result};
 pub use nalgebra;
-pub use pose::{Pose, pose_from_row_major, pose_to_row_major};
+pub use pose::{Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 pub use status::Status;
-pub use watch::{Deadline, Watch, WatchPart};
+pub use watch::{Deadline, Interrupted, Watch, WatchPart};

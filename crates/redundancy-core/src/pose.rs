@@ -2,8 +2,8 @@
 
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
-use crate::error::{Error, Result, check_vector};
-use crate::tolerance::ROTATION_ORTHONORMAL;
+use crate::error::{Error, Result, check_finite, check_vector};
+use crate::tolerance::{ROTATION_NEAR, ROTATION_ORTHONORMAL};
 
 /// Position in metres and rotation matrix. Kinematics work on matrices, so no conversion is hidden in it.
 pub type Pose = IsometryMatrix3<f64>;
@@ -15,16 +15,19 @@ pub(crate) fn pose(rotation: Matrix3<f64>, position: Vector3<f64>) -> Pose {
 
 /// Pose from the 16 entries of a homogeneous matrix, row by row.
 ///
-/// The numbers are used as they are; nothing is orthonormalised.
+/// A rotation part within [`ROTATION_ORTHONORMAL`] is used as it is. One that is farther from a rotation, up to
+/// [`ROTATION_NEAR`], is replaced by the nearest rotation (rounded files, hand-made matrices).
 ///
 /// # Errors
-/// Wrong length, an entry that is not finite, a bottom row other than `0 0 0 1`, a rotation part whose
-/// `R^T R` is further than [`ROTATION_ORTHONORMAL`] from the identity, or a reflection.
+/// Wrong length, an entry that is not finite, a bottom row other than `0 0 0 1`, a rotation part that is farther from the
+/// nearest rotation than [`ROTATION_NEAR`] (the message gives the distance), or a reflection.
 ///
 /// ```
 /// use redundancy_core::pose_from_row_major;
 /// let t = pose_from_row_major(&[1., 0., 0., 0.5, 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.])?;
 /// assert_eq!(t.translation.x, 0.5);
+/// let rounded = pose_from_row_major(&[0.6, -0.8004, 0., 0., 0.8, 0.6, 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.])?;
+/// assert!((rounded.rotation.matrix().column(1).norm() - 1.0).abs() < 1e-15);
 /// assert!(pose_from_row_major(&[2.; 16]).is_err());
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
@@ -32,33 +35,78 @@ pub fn pose_from_row_major(m: &[f64]) -> Result<Pose> {
     check_vector("pose", m, 16)?;
     let bottom = (m[12].abs()).max(m[13].abs()).max(m[14].abs()).max((m[15] - 1.0).abs());
     if bottom > ROTATION_ORTHONORMAL {
+        let transposed = m[3] == 0.0 && m[7] == 0.0 && m[11] == 0.0 && m[15] == 1.0;
         return Err(Error::NotRigid {
             what: "pose".into(),
-            reason: "the bottom row is not 0 0 0 1",
+            reason: if transposed {
+                "the bottom row is not 0 0 0 1 (is the matrix transposed?): its error"
+            } else {
+                "the bottom row is not 0 0 0 1: its error"
+            },
             measured: bottom,
-            bound: ROTATION_ORTHONORMAL,
+            bound: format!("at most {ROTATION_ORTHONORMAL:e}"),
         });
     }
     let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
-    check_rotation("pose", &rotation)?;
+    let rotation = checked_rotation("pose", &rotation)?;
     Ok(pose(rotation, Vector3::new(m[3], m[7], m[11])))
 }
 
-/// Checks that `rotation` is orthonormal and right-handed.
-pub(crate) fn check_rotation(what: &str, rotation: &Matrix3<f64>) -> Result<()> {
-    let measured = (rotation.tr_mul(rotation) - Matrix3::identity()).amax();
-    let error = |reason, measured, bound| Err(Error::NotRigid { what: what.into(), reason, measured, bound });
-    if measured.is_nan() || measured > ROTATION_ORTHONORMAL {
+/// Rotation from a matrix that the caller gives, by the rule of [`pose_from_row_major`]; `what` names it in messages.
+///
+/// # Errors
+/// An entry that is not finite, a matrix that is farther than [`ROTATION_NEAR`] from the nearest rotation, or a reflection.
+///
+/// ```
+/// use redundancy_core::{nalgebra::Matrix3, rotation_from_matrix};
+/// assert_eq!(rotation_from_matrix("R", &Matrix3::identity())?.matrix(), &Matrix3::identity());
+/// assert!(rotation_from_matrix("R", &(2.0 * Matrix3::identity())).is_err());
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+pub fn rotation_from_matrix(what: &str, matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
+    check_finite(what, matrix.transpose().as_slice())?;
+    Ok(Rotation3::from_matrix_unchecked(checked_rotation(what, matrix)?))
+}
+
+/// `rotation` as it is where it is orthonormal to [`ROTATION_ORTHONORMAL`]; the nearest rotation where that is within
+/// [`ROTATION_NEAR`]. Its entries are finite.
+pub(crate) fn checked_rotation(what: &str, rotation: &Matrix3<f64>) -> Result<Matrix3<f64>> {
+    let error =
+        |reason, measured, bound: String| Err(Error::NotRigid { what: what.into(), reason, measured, bound });
+    let square = rotation.tr_mul(rotation);
+    let exact = (square - Matrix3::identity()).amax() <= ROTATION_ORTHONORMAL;
+    if !exact {
+        // The singular values are the roots of the eigenvalues of R^T R. The largest deviation of one from 1 is the
+        // spectral distance to the nearest orthonormal matrix.
+        let distance = square
+            .symmetric_eigenvalues()
+            .iter()
+            .fold(0.0_f64, |most, value| most.max((value.max(0.0).sqrt() - 1.0).abs()));
+        if distance.is_nan() || distance > ROTATION_NEAR {
+            return error(
+                "the rotation part is not orthonormal, its distance from the nearest rotation",
+                distance,
+                format!("at most {ROTATION_NEAR:e}"),
+            );
+        }
+    }
+    let determinant = rotation.determinant();
+    if determinant < 0.0 {
         return error(
-            "the rotation part is not orthonormal, max |R^T R - I|",
-            measured,
-            ROTATION_ORTHONORMAL,
+            "the rotation part is a reflection (axes of a left-handed frame), its determinant",
+            determinant,
+            "1".into(),
         );
     }
-    if rotation.determinant() < 0.0 {
-        return error("the rotation part is a reflection, det R", rotation.determinant(), 1.0);
-    }
-    Ok(())
+    Ok(if exact { *rotation } else { nearest_rotation(rotation) })
+}
+
+/// The polar factor of a matrix within [`ROTATION_NEAR`] of a rotation: the rotation nearest to it in every unitarily
+/// invariant norm. Newton and Schulz's iteration `X <- X (3 - X^T X) / 2` takes a singular value `1 + e` to
+/// `1 - 3/2 e^2`: 1e-3, 1.5e-6, 3.4e-12, rounding.
+fn nearest_rotation(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+    const STEPS: usize = 4;
+    (0..STEPS).fold(*matrix, |x, _| x * (Matrix3::identity() * 3.0 - x.tr_mul(&x)) * 0.5)
 }
 
 /// Inverse of [`pose_from_row_major`].
@@ -75,9 +123,25 @@ pub fn pose_to_row_major(pose: &Pose) -> [f64; 16] {
     m
 }
 
-/// Checks a pose that was built by the caller.
+/// The pose that a caller has built, by the rule of [`pose_from_row_major`].
+pub(crate) fn checked_pose(what: &str, pose: &Pose) -> Result<Pose> {
+    check_finite(what, pose.translation.vector.as_slice())?;
+    check_finite(what, pose.rotation.matrix().as_slice())?;
+    let rotation = checked_rotation(what, pose.rotation.matrix())?;
+    Ok(Pose::from_parts(pose.translation, Rotation3::from_matrix_unchecked(rotation)))
+}
+
+/// Checks a pose that is kept as it is: its rotation must be orthonormal to [`ROTATION_ORTHONORMAL`].
 pub(crate) fn check_pose(what: &str, pose: &Pose) -> Result<()> {
-    crate::error::check_finite(what, pose.translation.vector.as_slice())?;
-    crate::error::check_finite(what, pose.rotation.matrix().as_slice())?;
-    check_rotation(what, pose.rotation.matrix())
+    let checked = checked_pose(what, pose)?;
+    let measured = (checked.rotation.matrix() - pose.rotation.matrix()).amax();
+    if measured == 0.0 {
+        return Ok(());
+    }
+    Err(Error::NotRigid {
+        what: what.into(),
+        reason: "the rotation part is not orthonormal, its distance from the nearest rotation",
+        measured,
+        bound: format!("at most {ROTATION_ORTHONORMAL:e}"),
+    })
 }

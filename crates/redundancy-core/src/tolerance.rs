@@ -1,8 +1,15 @@
 //! Every numeric threshold of the crate, named, with the reason for its size.
 
-/// Largest deviation of `R^T R` from the identity (max norm) in a pose given by the caller.
-/// Single-precision matrices (6e-8 per entry) pass, matrices with a typing error do not.
+/// Largest deviation of `R^T R` from the identity (max norm) of a rotation that is used as the caller gives it.
+/// Single-precision matrices (6e-8 per entry) are.
 pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
+
+/// Largest distance (spectral norm) of a matrix from the nearest rotation, by which it is replaced: matrices printed with
+/// three decimals pass, matrices with a typing error do not. The same as for the norm of quaternions.
+pub const ROTATION_NEAR: f64 = 1e-3;
+
+/// Asymmetry and negative eigenvalues of an inertia tensor, relative to its largest entry, that rounding explains.
+pub const INERTIA_ROUNDING: f64 = 1e-9;
 
 /// Least norm of a vector that is meant as a direction: below it the rounding of the entries decides.
 pub const DIRECTION_NORM: f64 = 1e-9;
@@ -17,6 +24,52 @@ pub const QUATERNION_NORM: f64 = 1e-3;
 /// Largest distance by which axes of an S-R-S arm may miss their common point, m. Calibrated robots and rounded
 /// URDFs stay below; the smallest real wrist offsets (some mm) do not.
 pub const SRS_DISTANCE: f64 = 1e-4;
+
+/// Least angle (rad) between axes that a closed form needs to cross: nearer to parallel, their crossing point and the turn
+/// that brings one to a wanted place lose more than two digits.
+pub const AXES_PARALLEL: f64 = 0.01;
+
+/// Defect (m, rad) of an arm above which single solutions of its closed form are polished: below it they are exact to rounding.
+pub const POLISH_DEFECT: f64 = 1e-12;
+
+/// Longest Newton step (rad) of a polish: the square root of the largest defect that is accepted.
+pub const POLISH_REACH: f64 = 0.03;
+
+/// Share of the squared length of a chord by which its component along the normal may come out negative: rounding.
+pub const ROOM_ROUNDING: f64 = 1e-13;
+
+/// `|sin u|` of a lens below which its ends' expansion is used: what it leaves out is of the order of its square.
+pub const LENS_END: f64 = 1e-4;
+
+/// Width of a part of a ring, rad, below which a zero that cannot be separated from another one is not looked for.
+pub const ROOT_WIDTH: f64 = 1e-9;
+
+/// Share of what a cubic leaves of the trapezoid rule that bounds what the cubic misses: for a frequency k the ratio is
+/// `h k / 32` on parts of length h.
+pub const ARC_BAND: f64 = 0.1;
+
+/// Share of the bend of a part (the change of the rate, times its length) that counts beside what the cubic leaves of the
+/// trapezoid rule, which is nothing where the part is symmetric.
+pub const ARC_BEND: f64 = 0.05;
+
+/// What a cubic leaves of the trapezoid rule (rad) above which it says nothing.
+pub const ARC_COARSE: f64 = 0.3;
+
+/// Length of a part of a curve (of 2 pi) at which it is not divided further.
+pub const ARC_SHORTEST: f64 = 1e-9;
+
+/// `1 - cos` of the angle (1.4e-12 rad) by which a cone may be missed at its tip: rounding of a few rotations.
+pub const CONE_ROUNDING: f64 = 1e-24;
+
+/// Values of joint 6 at which an arm with three parallel axes is tried where the pose leaves it free: a step of 1.4 degrees.
+pub const SINGULAR_WRIST: usize = 256;
+
+/// Sine of the angle between axis 6 and the parallel axes below which rounding of joint 6 (1e-16 over this) may move the
+/// arm out of a reach that it is at the end of.
+pub const SINGULAR_WRIST_SINE: f64 = 1e-7;
+
+/// Rotation (rad) of the tool that another joint 6 next to a singular wrist may cost: a few roundings of a rotation matrix.
+pub const SINGULAR_WRIST_ROUNDING: f64 = 1e-14;
 
 /// Largest deviation from a right angle between neighbouring axes of a spherical joint, rad: a URDF that
 /// writes 1.5708 or 1.57 for pi/2 is off by 3.7e-6 or 8e-4.
@@ -158,12 +211,25 @@ pub const REDUCTION_LIMIT: f64 = 1e6;
 /// path that needs larger steps is sampled too coarsely to tell motion from reconfiguration.
 pub const JOINT_JUMP: f64 = std::f64::consts::FRAC_PI_4;
 
+/// Relative excess over a speed limit that rounding explains.
+pub const SPEED_ROUNDING: f64 = 1e-9;
+
+/// Distance (m) from the path beyond which a closed loop has left it: the repeatability of a large arm, ten times.
+pub const TRACK_POSITION: f64 = 1e-3;
+
+/// The same for the angle, rad: at a tool of 100 mm the same distance.
+pub const TRACK_ORIENTATION: f64 = 1e-2;
+
 /// Speed (rad/s) at which a joint without a velocity limit is timed: that of a careful industrial arm.
 pub const FREE_SPEED: f64 = 1.0;
 
 /// Slope of a criterion of order 1 along a circle, and width of its bracket (rad), at which its zero is found: a value
 /// is then within 1e-18 of the minimum.
 pub const SLOPE_ROUNDING: f64 = 1e-9;
+
+/// Deviation of a criterion, relative to 1 + its size, from the cubic through values and slopes of a part of a curve at
+/// which the part counts as resolved.
+pub const SCAN_RESOLVED: f64 = 1e-6;
 
 /// First step (rad) of the secant that polishes an optimum: the root of the gap that is left, divided by ten.
 pub const POLISH_STEP: f64 = 1e-6;
@@ -340,6 +406,13 @@ pub const TRACE_CLOSURE: f64 = 1e-2;
 /// Distance (rad) at which a point lies on a curve: converged Newton steps leave less than the square of 1e-6.
 pub const CURVE_CONTAINS: f64 = 1e-8;
 
+/// Distance of a joint from its limit (rad or m), and width of the bracket (length of the curve), at which the end of a
+/// feasible arc of a traced curve is found.
+pub const EDGE_FOUND: f64 = 1e-13;
+
+/// See [`EDGE_FOUND`]; the end that holds the limit is returned.
+pub const EDGE_WIDTH: f64 = 1e-11;
+
 /// Largest defect (m, rad) of an arm whose closed form counts as exact: what is left is rounding of the description, and
 /// is corrected in one Newton step.
 pub const CLOSED_FORM_EXACT: f64 = 1e-9;
@@ -494,6 +567,32 @@ pub const SCENE_SIZE: f64 = 1e9;
 
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
+
+/// Distance between two rows of a joint path (rad or m) below which they are one and the arm waits there: shorter chords
+/// have no direction.
+pub const RETIME_SAME_ROW: f64 = 1e-9;
+
+/// Time (s) between two equal rows: the shortest that any controller of arms tells apart.
+pub const RETIME_DWELL: f64 = 1e-3;
+
+/// Turn of a joint path at one row (rad) that no smooth curve is sampled with.
+pub const RETIME_SHARP_CORNER: f64 = 0.5;
+
+/// How much more than its neighbours a row must turn to be a corner: samples of a smooth curve turn alike.
+pub const RETIME_CORNER_RATIO: f64 = 3.0;
+
+/// Distance (rad or m) from a straight line in joint space within which rows are on it.
+pub const RETIME_STRAIGHT: f64 = 1e-9;
+
+/// Nodes that a stretch between two stops has at least.
+pub const RETIME_NODES: usize = 100;
+
+/// Intervals next to a rest over which the parameter goes over from the cube root of the length to the length: over many,
+/// so that the jerk changes little in the first.
+pub const RETIME_ZONE: usize = 48;
+
+/// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
+pub const RETIME_GAP: f64 = 1e-3;
 
 /// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
 /// the spot) still costs what its joints move.

@@ -8,6 +8,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::error::{Error, Result};
 use crate::status::Status;
 
 /// A time from which on work must end, counted from when it was made.
@@ -59,17 +60,50 @@ impl Default for Deadline {
     }
 }
 
+/// A call was asked to stop, or met its time limit, before it was done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Interrupted {
+    /// The caller asked to stop.
+    Cancelled,
+    /// The time limit was met.
+    TimeLimit {
+        /// The limit, s.
+        seconds: f64,
+    },
+}
+
+impl Interrupted {
+    /// `Cancelled` or `TimeLimit`.
+    pub fn status(self) -> Status {
+        match self {
+            Self::Cancelled => Status::Cancelled,
+            Self::TimeLimit { .. } => Status::TimeLimit,
+        }
+    }
+}
+
+impl fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cancelled => f.write_str("stopped by the caller"),
+            Self::TimeLimit { seconds } => write!(f, "the time limit of {seconds} s was met"),
+        }
+    }
+}
+
 /// What is called with the progress on the thread that reports it; `false` cancels.
 type Observer = Box<dyn Fn(&Watch) -> bool + Send + Sync>;
 
 /// A look into a long call, and the way to stop it.
 ///
 /// ```
-/// use redundancy_core::{Status, Watch};
+/// use redundancy_core::{Interrupted, Watch};
 /// let watch = Watch::default().with_observer(|watch| watch.share() < 0.5);
-/// let done = (0..10).take_while(|k| watch.report(f64::from(*k) / 10.0)).count();
-/// assert_eq!((done, watch.share(), watch.stopped()), (5, 0.5, Some(Status::Cancelled)));
-/// assert_eq!(Watch::default().with_time_limit(0.0).stopped(), Some(Status::TimeLimit));
+/// let done = (0..10).take_while(|k| watch.report(f64::from(*k) / 10.0).is_ok()).count();
+/// assert_eq!((done, watch.share(), watch.interrupted()), (5, 0.5, Some(Interrupted::Cancelled)));
+/// let late = Watch::default().with_time_limit(0.0)?;
+/// assert_eq!(late.report(0.1), Err(Interrupted::TimeLimit { seconds: 0.0 }));
+/// # Ok::<(), redundancy_core::Error>(())
 /// ```
 #[derive(Default)]
 pub struct Watch {
@@ -82,11 +116,17 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// The same with a time limit of `seconds`, counted from now.
-    #[must_use]
-    pub fn with_time_limit(mut self, seconds: f64) -> Self {
+    /// The same with a time limit of `seconds`, counted from now; infinite is none.
+    ///
+    /// # Errors
+    /// A limit that is negative or no number.
+    pub fn with_time_limit(mut self, seconds: f64) -> Result<Self> {
+        if seconds.is_nan() || seconds < 0.0 {
+            let bound = ">= 0 s".into();
+            return Err(Error::OutOfRange { what: "time_limit".into(), value: seconds, bound });
+        }
         self.deadline = Deadline::after(seconds);
-        self
+        Ok(self)
     }
 
     /// The same with a function that is called at each report, on the thread that reports; `false` cancels.
@@ -111,13 +151,13 @@ impl Watch {
         &self.deadline
     }
 
-    /// Why the call must end now: `Cancelled`, `TimeLimit`, or `None` to go on.
-    pub fn stopped(&self) -> Option<Status> {
+    /// Why the call must end now, or `None` to go on.
+    pub fn interrupted(&self) -> Option<Interrupted> {
         if self.is_cancelled() {
-            Some(Status::Cancelled)
-        } else {
-            self.deadline.passed(1.0).then_some(Status::TimeLimit)
+            return Some(Interrupted::Cancelled);
         }
+        let limit = self.deadline.limit().filter(|_| self.deadline.passed(1.0))?;
+        Some(Interrupted::TimeLimit { seconds: limit.as_secs_f64() })
     }
 
     /// Largest share of the work that was reported, in `[0, 1]`.
@@ -131,8 +171,11 @@ impl Watch {
         (speed > 0.0).then_some(speed)
     }
 
-    /// Notes that `share` of the work is done and tells whether to go on. A smaller share than before changes nothing.
-    pub fn report(&self, share: f64) -> bool {
+    /// Notes that `share` of the work is done. A smaller share than before changes nothing.
+    ///
+    /// # Errors
+    /// The call must end now.
+    pub fn report(&self, share: f64) -> std::result::Result<(), Interrupted> {
         if share > 0.0 {
             self.share.fetch_max(share.min(1.0).to_bits(), Ordering::Relaxed);
         }
@@ -141,7 +184,7 @@ impl Watch {
         {
             self.cancel();
         }
-        self.stopped().is_none()
+        self.interrupted().map_or(Ok(()), Err)
     }
 
     /// Notes a speed (m/s) that was found.
@@ -176,14 +219,23 @@ pub struct WatchPart<'a> {
 }
 
 impl WatchPart<'_> {
-    /// Notes that `share` of this part is done and tells whether to go on.
-    pub fn report(&self, share: f64) -> bool {
+    /// Notes that `share` of this part is done.
+    ///
+    /// # Errors
+    /// The call must end now.
+    pub fn report(&self, share: f64) -> std::result::Result<(), Interrupted> {
         self.watch.report(self.from + (self.to - self.from) * share.clamp(0.0, 1.0))
     }
 
-    /// Why the call must end now; `None` to go on.
-    pub fn stopped(&self) -> Option<Status> {
-        self.watch.stopped()
+    /// Why the call must end now, or `None` to go on.
+    pub fn interrupted(&self) -> Option<Interrupted> {
+        self.watch.interrupted()
+    }
+
+    /// A part of this part.
+    pub fn part(&self, from: f64, to: f64) -> Self {
+        let at = |share: f64| self.from + (self.to - self.from) * share;
+        Self { watch: self.watch, from: at(from), to: at(to) }
     }
 }
 
@@ -195,23 +247,24 @@ mod tests {
     fn progress_never_goes_backwards() {
         let watch = Watch::default();
         for share in [0.3, 0.1, f64::NAN, -1.0] {
-            assert!(watch.report(share));
+            assert!(watch.report(share).is_ok());
             assert!((watch.share() - 0.3).abs() < 1e-15);
         }
-        assert!(watch.part(0.5, 0.7).report(0.5));
+        assert!(watch.part(0.4, 0.8).part(0.25, 0.75).report(0.5).is_ok());
         assert!((watch.share() - 0.6).abs() < 1e-15);
-        watch.report(7.0);
+        assert!(watch.report(7.0).is_ok());
         assert!((watch.share() - 1.0).abs() < 1e-15);
     }
 
     #[test]
     fn a_cancelled_call_says_so_before_a_late_one() {
-        let watch = Watch::default().with_time_limit(0.0);
+        let watch = Watch::default().with_time_limit(0.0).unwrap();
         std::hint::black_box((0..1000).sum::<u64>());
-        assert_eq!(watch.stopped(), Some(Status::TimeLimit));
+        assert_eq!(watch.interrupted().map(Interrupted::status), Some(Status::TimeLimit));
         watch.cancel();
-        assert_eq!(watch.stopped(), Some(Status::Cancelled));
-        assert!(!watch.report(0.5));
-        assert_eq!(Watch::default().with_time_limit(f64::INFINITY).stopped(), None);
+        assert_eq!(watch.report(0.5), Err(Interrupted::Cancelled));
+        assert_eq!(watch.interrupted().map(Interrupted::status), Some(Status::Cancelled));
+        assert_eq!(Watch::default().with_time_limit(f64::INFINITY).unwrap().interrupted(), None);
+        assert!(Watch::default().with_time_limit(f64::NAN).is_err());
     }
 }

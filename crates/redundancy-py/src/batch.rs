@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use pyo3::prelude::*;
-use redundancy_core::Error;
+use redundancy_core::parallel::Pool;
 
 use crate::convert::Threads;
 use crate::error::to_py;
 
-/// Calls `work` for consecutive ranges that cover `0..n`, each inside the chosen rayon pool and without the GIL.
+/// Calls `work` for consecutive ranges that cover `0..n`, each inside the chosen pool and without the GIL.
 ///
 /// # Errors
 /// `threads` of 0 or above 1024, a pool that cannot be started, an error of `work`, or a pending `KeyboardInterrupt`.
@@ -22,23 +22,17 @@ pub fn in_blocks<T: Into<Threads>>(
     let pool = pool(threads)?;
     for start in (0..n).step_by(block.max(1)) {
         let range = start..n.min(start + block);
-        py.detach(|| match &pool {
-            Some(pool) => pool.install(|| work(range)),
-            None => work(range),
-        })
-        .map_err(to_py)?;
+        py.detach(|| pool.install(|| work(range))).map_err(to_py)?;
         py.check_signals()?;
     }
     Ok(())
 }
 
-/// A pool of `threads`, or none for the current one.
+/// A pool of `threads`, or the one of the process.
 ///
 /// # Errors
 /// `threads` of 0 or above 1024, a pool that cannot be started.
-pub fn pool<T: Into<Threads>>(threads: Option<T>) -> PyResult<Option<rayon::ThreadPool>> {
-    let Some(threads) = threads else { return Ok(None) };
-    let count = threads.into().count()?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
-    pool.map(Some).map_err(|error| to_py(Error::Invalid(format!("threads = {count}: {error}"))))
+pub fn pool<T: Into<Threads>>(threads: Option<T>) -> PyResult<Pool> {
+    let count = threads.map(|threads| threads.into().count()).transpose()?;
+    Pool::new(count).map_err(to_py)
 }

@@ -11,13 +11,13 @@ use pyo3::types::{PySequence, PyTuple, PyType};
 use redundancy_core::chain::{
     Chain, ChainBuilder, DhConvention, DhRow, Inertia, JointKind, Limits, MissingLimits, catalog,
 };
-use redundancy_core::kinematics::{DynamicsScratch, Scratch, TorqueDerivatives};
+use redundancy_core::kinematics::{DynamicsScratch, JacobianFrame, JacobianOf, Scratch, TorqueDerivatives};
 use redundancy_core::nalgebra::{DMatrix, Matrix3, Vector3};
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
 use crate::batch::in_blocks;
 use crate::convert::{
-    Fresh, Rows, Threads, pose_to_array, read_array, read_pose, read_rows, read_vector, to_array,
+    Fresh, Rows, Threads, pose_to_array, read_array, read_number, read_pose, read_rows, read_vector, to_array,
 };
 use crate::error::to_py;
 
@@ -57,6 +57,58 @@ impl PyChain {
         }
     }
 
+    /// Reads whose motion a Jacobian describes.
+    fn jacobian_of(
+        &self,
+        link: Option<&str>,
+        frame: &str,
+        point: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<JacobianOf> {
+        let chain = &self.chain;
+        let frame = match frame {
+            "base" => JacobianFrame::Base,
+            "tool" => JacobianFrame::Tool,
+            name => JacobianFrame::Link(chain.link_index(name).map_err(|_| {
+                let links = chain.links().iter().map(|link| link.name.clone());
+                let valid = ["base", "tool"].map(String::from).into_iter().chain(links).collect();
+                to_py(Error::UnknownName { kind: "frame", name: name.into(), valid })
+            })?),
+        };
+        let link = link.map(|name| chain.link_index(name)).transpose().map_err(to_py)?;
+        let point = point.map(|point| read_array::<3>(point, "point")).transpose()?.unwrap_or_default();
+        Ok(JacobianOf { link, point: point.into(), frame })
+    }
+
+    /// The Jacobian of a point of a link, one or many.
+    fn write_jacobian_of<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        of: &JacobianOf,
+        threads: Option<Threads>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (chain, dof) = (&self.chain, self.chain.dof());
+        self.dispatch(
+            q,
+            |q| {
+                let mut out = Fresh::new(py, [6, dof]);
+                let memory = out.memory()?;
+                self.with_scratch(|scratch| chain.write_jacobian_of(q, of, scratch, memory))
+                    .map_err(to_py)?;
+                Ok(out.finish().into_any())
+            },
+            |q, n| {
+                let mut jacobians = Fresh::new(py, [n, 6, dof]);
+                let out = jacobians.memory()?;
+                in_blocks(py, n, BLOCK, threads, |rows| {
+                    let q = &q[rows.start * dof..rows.end * dof];
+                    chain.jacobian_of_batch(q, of, &mut out[rows.start * 6 * dof..rows.end * 6 * dof])
+                })?;
+                Ok(jacobians.finish().into_any())
+            },
+        )
+    }
+
     /// Calls `one` for a single `q`, `many` for a batch.
     fn dispatch<'py>(
         &self,
@@ -65,7 +117,8 @@ impl PyChain {
         many: impl FnOnce(&[f64], usize) -> PyResult<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         // The way of a control loop: one contiguous vector of doubles.
-        if let Ok(vector) = q.extract::<PyReadonlyArray1<'py, f64>>()
+        if q.is_exact_instance_of::<PyArray1<f64>>()
+            && let Ok(vector) = q.extract::<PyReadonlyArray1<'py, f64>>()
             && let Ok(values) = vector.as_slice()
             && values.len() == self.chain.dof()
         {
@@ -140,6 +193,10 @@ impl PyChain {
             other => return Err(unknown("convention", other, &["standard", "modified"])),
         };
         let table = read_rows(rows, "rows", &[4])?;
+        if table.batch.is_none() {
+            let message = "rows has shape (4,), expected (n, 4): one row a, d, alpha, theta per joint";
+            return Err(to_py(Error::Invalid(message.into())));
+        }
         let rows: Vec<DhRow> = table
             .as_slice()?
             .chunks_exact(4)
@@ -264,6 +321,36 @@ impl PyChain {
         self.chain.with_limits(&limits).map(Self::from).map_err(to_py)
     }
 
+    /// The same arm on a rail.
+    #[pyo3(signature = (axis, lower, upper, velocity=None, name="rail"))]
+    fn with_rail(
+        &self,
+        axis: &Bound<'_, PyAny>,
+        lower: f64,
+        upper: f64,
+        velocity: Option<f64>,
+        name: &str,
+    ) -> PyResult<Self> {
+        let axis = Vector3::from(read_array::<3>(axis, "axis")?);
+        let velocity = velocity.unwrap_or(f64::INFINITY);
+        let limits = Limits { lower, upper, velocity, ..Limits::NONE };
+        self.chain.with_rail(name, axis, limits).map(Self::from).map_err(to_py)
+    }
+
+    /// The same arm with a body at its tip.
+    #[pyo3(signature = (mass, center_of_mass, inertia=None))]
+    fn with_payload(
+        &self,
+        mass: f64,
+        center_of_mass: &Bound<'_, PyAny>,
+        inertia: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let center_of_mass = Vector3::from(read_array::<3>(center_of_mass, "center_of_mass")?);
+        let tensor = inertia.map_or(Ok(Matrix3::zeros()), |tensor| read_tensor(tensor, "inertia"))?;
+        let payload = Inertia { mass, center_of_mass, tensor, rotor: 0.0 };
+        self.chain.with_payload(&payload).map(Self::from).map_err(to_py)
+    }
+
     /// Pose of the tool, or of a link, at `q`.
     #[pyo3(signature = (q, link=None, *, threads=None))]
     fn forward<'py>(
@@ -298,14 +385,21 @@ impl PyChain {
     }
 
     /// Geometric Jacobian at `q`.
-    #[pyo3(signature = (q, *, threads=None))]
+    #[pyo3(signature = (q, link=None, frame="base", point=None, *, threads=None))]
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
+        link: Option<&str>,
+        frame: &str,
+        point: Option<&Bound<'py, PyAny>>,
         threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (chain, dof) = (&self.chain, self.chain.dof());
+        if link.is_some() || frame != "base" || point.is_some() {
+            let of = self.jacobian_of(link, frame, point)?;
+            return self.write_jacobian_of(py, q, &of, threads);
+        }
         self.dispatch(
             q,
             |q| {
@@ -612,7 +706,10 @@ fn set_limits(
 fn read_inertias(list: &Bound<'_, PyAny>) -> PyResult<Vec<Inertia>> {
     let shape = |what: String| PyTypeError::new_err(what);
     let mut bodies = Vec::new();
-    for (i, item) in list.try_iter()?.enumerate() {
+    let items = list.try_iter().map_err(|_| {
+        shape("inertia must be a list of (mass, centre of mass (3,), inertia at it (3, 3) or (3,))".into())
+    })?;
+    for (i, item) in items.enumerate() {
         let item = item?;
         let parts =
             item.cast::<PySequence>().ok().filter(|p| p.len().is_ok_and(|n| n == 3)).ok_or_else(|| {
@@ -621,18 +718,8 @@ fn read_inertias(list: &Bound<'_, PyAny>) -> PyResult<Vec<Inertia>> {
                 ))
             })?;
         let center = read_array::<3>(&parts.get_item(1)?, &format!("inertia[{i}]: centre of mass"))?;
-        let tensor = read_rows(&parts.get_item(2)?, &format!("inertia[{i}]: tensor"), &[3])?;
-        let t = tensor.as_slice()?;
-        let tensor = match tensor.batch {
-            None => Matrix3::from_diagonal(&Vector3::new(t[0], t[1], t[2])),
-            Some(3) => Matrix3::from_row_slice(t),
-            Some(n) => {
-                return Err(shape(format!(
-                    "inertia[{i}]: tensor has shape ({n}, 3), expected (3, 3) or (3,)"
-                )));
-            }
-        };
-        let mass = parts.get_item(0)?.extract()?;
+        let tensor = read_tensor(&parts.get_item(2)?, &format!("inertia[{i}]: tensor"))?;
+        let mass = read_number(&parts.get_item(0)?, &format!("inertia[{i}]: mass"))?;
         bodies.push(Inertia {
             mass,
             center_of_mass: Vector3::from_column_slice(&center),
@@ -641,4 +728,15 @@ fn read_inertias(list: &Bound<'_, PyAny>) -> PyResult<Vec<Inertia>> {
         });
     }
     Ok(bodies)
+}
+
+/// An inertia tensor, `(3, 3)` or its diagonal `(3,)`.
+fn read_tensor(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Matrix3<f64>> {
+    let tensor = read_rows(object, what, &[3])?;
+    let t = tensor.as_slice()?;
+    match tensor.batch {
+        None => Ok(Matrix3::from_diagonal(&Vector3::new(t[0], t[1], t[2]))),
+        Some(3) => Ok(Matrix3::from_row_slice(t)),
+        Some(n) => Err(PyTypeError::new_err(format!("{what} has shape ({n}, 3), expected (3, 3) or (3,)"))),
+    }
 }

@@ -7,11 +7,12 @@ use numpy::ndarray::{Dim, Dimension, IntoDimension};
 use numpy::{
     Element, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyOverflowError;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
-use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
+use redundancy_core::nalgebra::{Matrix3, Rotation3};
+use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 
 use crate::error::to_py;
 
@@ -27,6 +28,16 @@ impl Rows<'_> {
     pub fn as_slice(&self) -> PyResult<&[f64]> {
         Ok(self.array.as_slice()?)
     }
+}
+
+/// Reads an array of numbers of any shape: itself where it can be read in place, and its shape.
+pub fn read_numbers<'py>(
+    object: &Bound<'py, PyAny>,
+    what: &str,
+) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Vec<usize>)> {
+    let array = as_double_array(&pose_array(object)?, what)?;
+    let shape = array.shape().to_vec();
+    Ok((array, shape))
 }
 
 /// Reads an array of shape `inner` or `(N, *inner)`.
@@ -48,9 +59,12 @@ pub fn read_rows<'py>(object: &Bound<'py, PyAny>, what: &str, inner: &[usize]) -
 
 /// Reads a vector of doubles; `length` is checked when given. Copies.
 pub fn read_vector(object: &Bound<'_, PyAny>, what: &str, length: Option<usize>) -> PyResult<Vec<f64>> {
+    // Exactly an array: subclasses may have a mask.
     let values = match object.cast::<PyArray1<f64>>() {
-        Ok(array) => array.to_vec().or_else(|_| contiguous_vec(object, what))?,
-        Err(_) => contiguous_vec(object, what)?,
+        Ok(array) if object.is_exact_instance_of::<PyArray1<f64>>() => {
+            array.to_vec().or_else(|_| contiguous_vec(object, what))?
+        }
+        _ => contiguous_vec(object, what)?,
     };
     match length {
         Some(expected) if expected != values.len() => {
@@ -58,6 +72,14 @@ pub fn read_vector(object: &Bound<'_, PyAny>, what: &str, length: Option<usize>)
         }
         _ => Ok(values),
     }
+}
+
+/// Reads one number; `what` names it in messages.
+pub fn read_number(object: &Bound<'_, PyAny>, what: &str) -> PyResult<f64> {
+    object.extract().map_err(|_| {
+        let given = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+        PyTypeError::new_err(format!("{what} must be a number, not {given}"))
+    })
 }
 
 /// Reads a fixed-length vector of doubles. Copies.
@@ -77,13 +99,30 @@ fn contiguous_vec(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
     Ok(array.to_vec()?)
 }
 
-/// One pose.
+/// A rotation given as `(3, 3)`.
+pub fn read_rotation(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Rotation3<f64>> {
+    let rows = read_rows(object, what, &[3, 3])?;
+    if rows.batch.is_some() {
+        return Err(to_py(Error::Invalid(format!("{what}: expected one rotation (3, 3), got a batch"))));
+    }
+    rotation_from_matrix(what, &Matrix3::from_row_slice(rows.as_slice()?)).map_err(to_py)
+}
+
+/// One pose. A rotation that is off by up to 1e-3 is replaced by the nearest one.
 pub fn read_pose(object: &Bound<'_, PyAny>) -> PyResult<Pose> {
     let rows = read_rows(&pose_array(object)?, "pose", &[4, 4])?;
     if rows.batch.is_some() {
         return Err(to_py(Error::Invalid("expected one pose (4, 4), got a batch".into())));
     }
     pose_from_row_major(rows.as_slice()?).map_err(to_py)
+}
+
+/// Rotation matrices `(3, 3)` or `(N, 3, 3)`, or an object with `as_matrix()` that gives them.
+pub fn read_matrices<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Rows<'py>> {
+    match object.getattr_opt(pyo3::intern!(object.py(), "as_matrix"))? {
+        Some(method) => read_rows(&method.call0()?, what, &[3, 3]),
+        None => read_rows(object, what, &[3, 3]),
+    }
 }
 
 /// One pose or many.
@@ -121,36 +160,72 @@ fn refuse_masked(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
     Ok(())
 }
 
-/// A C-contiguous array of doubles: the object itself where it is one.
+/// A C-contiguous aligned array of doubles: the object itself where it is one.
 fn as_double_array<'py>(object: &Bound<'py, PyAny>, what: &str) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    if let Ok(array) = object.cast::<PyArrayDyn<f64>>()
-        && array.is_c_contiguous()
-    {
-        // Masked arrays are a subclass: plain ones are not asked.
-        if !object.is_exact_instance_of::<PyArrayDyn<f64>>() {
-            refuse_masked(object, what)?;
-        }
-        return Ok(array.clone());
+    // Masked arrays are a subclass: plain ones are not asked.
+    if !object.is_exact_instance_of::<PyArrayDyn<f64>>() {
+        refuse_masked(object, what)?;
     }
-    refuse_masked(object, what)?;
-    static ASCONTIGUOUS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    if let Some(array) = ready(object) {
+        return Ok(array);
+    }
+    static ASARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let py = object.py();
-    let kind = object.getattr_opt(pyo3::intern!(py, "dtype"))?;
-    let kind = kind.map(|d| d.getattr_opt(pyo3::intern!(py, "kind"))).transpose()?.flatten();
-    if kind.is_some_and(|kind| kind.eq("c").unwrap_or(false)) {
-        return Err(to_py(Error::Invalid(format!("{what} is complex, real numbers are needed"))));
+    let refuse = |error: PyErr| {
+        let error = error.value(py);
+        to_py(Error::Invalid(format!("{what} cannot be read as an array of numbers: {error}")))
+    };
+    let convert =
+        ASARRAY.get_or_try_init(py, || py.import("numpy")?.getattr("asarray").map(Bound::unbind))?.bind(py);
+    let array = convert.call1((object,)).map_err(refuse)?;
+    if let Some(array) = ready(&array) {
+        return Ok(array);
     }
-    let convert = ASCONTIGUOUS
-        .get_or_try_init(py, || py.import("numpy")?.getattr("asarray").map(Bound::unbind))?
-        .bind(py);
+    // Without this numpy reads numbers out of texts and dates.
+    refuse_other_kinds(&array, what)?;
     let options = PyDict::new(py);
-    options.set_item("dtype", "float64")?;
     options.set_item("order", "C")?;
-    let array = convert.call((object,), Some(&options)).map_err(|error| {
-        let message = format!("{what} cannot be read as an array of numbers: {error}");
-        to_py(Error::Invalid(message))
-    })?;
+    let array = array.call_method("astype", ("float64",), Some(&options)).map_err(refuse)?;
     Ok(array.cast_into::<PyArrayDyn<f64>>()?)
+}
+
+/// The object where it is an array that can be read in place.
+fn ready<'py>(object: &Bound<'py, PyAny>) -> Option<Bound<'py, PyArrayDyn<f64>>> {
+    let array = object.cast::<PyArrayDyn<f64>>().ok()?;
+    (array.is_c_contiguous() && array.is_aligned()).then(|| array.clone())
+}
+
+/// Refuses arrays of anything but real numbers.
+fn refuse_other_kinds(array: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
+    let py = array.py();
+    let kind = |object: &Bound<'_, PyAny>| -> PyResult<Option<(String, String)>> {
+        let Some(dtype) = object.getattr_opt(pyo3::intern!(py, "dtype"))? else { return Ok(None) };
+        Ok(Some((dtype.getattr(pyo3::intern!(py, "kind"))?.extract()?, dtype.str()?.extract()?)))
+    };
+    let Some((letter, dtype)) = kind(array)? else { return Ok(()) };
+    let holds = match letter.as_str() {
+        "f" | "i" | "u" | "b" => return Ok(()),
+        "O" => {
+            for (i, item) in array.call_method0("ravel")?.call_method0("tolist")?.try_iter()?.enumerate() {
+                let item = item?;
+                let number = item.hasattr(pyo3::intern!(py, "__float__"))?
+                    && kind(&item)?.is_none_or(|(letter, _)| "fiub".contains(&letter));
+                if !number {
+                    let item = item.repr()?;
+                    let message = format!("{what}: entry {i} is {item}, a real number is needed");
+                    return Err(to_py(Error::Invalid(message)));
+                }
+            }
+            return Ok(());
+        }
+        "c" => return Err(to_py(Error::Invalid(format!("{what} is complex, real numbers are needed")))),
+        "S" | "U" => "strings",
+        "M" => "dates",
+        "m" => "time differences",
+        "V" => "records",
+        _ => "other objects",
+    };
+    Err(to_py(Error::Invalid(format!("{what} is an array of {holds} (dtype {dtype}), numbers are needed"))))
 }
 
 /// An integer of any size from Python. Unsigned arguments are read as this, so that a negative or huge one is refused with

@@ -13,7 +13,7 @@ use redundancy_core::ik::{
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::rotation::unit_direction;
-use redundancy_core::solutions::{Configurations, SphericalWristArm};
+use redundancy_core::solutions::{ClosedForm, Configurations, SphericalWristArm};
 use redundancy_core::{Error, Status};
 
 use crate::batch::in_blocks;
@@ -34,8 +34,8 @@ const SOLVER_BLOCK: usize = 2_048;
 /// A six-joint arm with a spherical wrist and its closed-form inverse kinematics.
 #[pyclass(name = "SphericalWristArm", module = "redundancy", frozen)]
 pub struct PySphericalWristArm {
-    arm: SphericalWristArm,
-    chain: Py<PyChain>,
+    pub arm: SphericalWristArm,
+    pub chain: Py<PyChain>,
 }
 
 #[pymethods]
@@ -50,6 +50,18 @@ impl PySphericalWristArm {
     #[getter]
     fn chain(&self, py: Python<'_>) -> Py<PyChain> {
         self.chain.clone_ref(py)
+    }
+
+    /// `spherical_wrist`.
+    #[getter]
+    fn name(&self) -> &'static str {
+        ClosedForm::name(&self.arm)
+    }
+
+    /// `None`: the configurations are isolated.
+    #[getter]
+    fn parameter(&self) -> Option<&'static str> {
+        self.arm.parameter()
     }
 
     /// How far the arm is from an ideal one: (metres, radians).
@@ -202,6 +214,12 @@ impl PyConfigurations {
     #[getter]
     fn reason(&self) -> &str {
         &self.all.reason
+    }
+
+    /// Whether status and branches say everything.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.all.proven()
     }
 
     /// Distance of the wrist centre from what it can reach, m.
@@ -384,10 +402,12 @@ impl PyIkSolver {
         let mut iterations = Fresh::<u32, _>::new(py, [rows]);
         let mut position = Fresh::<f64, _>::new(py, [rows]);
         let mut orientation = Fresh::<f64, _>::new(py, [rows]);
+        let mut proven = Fresh::<bool, _>::new(py, [rows]);
         let mut status = vec![Status::Cancelled; rows];
         {
             let (q, iterations) = (q.memory()?, iterations.memory()?);
             let (position, orientation) = (position.memory()?, orientation.memory()?);
+            let proven = proven.memory()?;
             let data = targets.as_slice()?;
             in_blocks(py, rows, SOLVER_BLOCK, threads, |r| {
                 let start = start.map(|q0| if single { q0 } else { &q0[r.start * n..r.end * n] });
@@ -397,6 +417,7 @@ impl PyIkSolver {
                     iterations: &mut iterations[r.clone()],
                     position_error: &mut position[r.clone()],
                     orientation_error: &mut orientation[r.clone()],
+                    proven: &mut proven[r.clone()],
                 };
                 self.solver.solve_batch(&data[r.start * 16..r.end * 16], start, seed, &mut out)
             })?;
@@ -407,6 +428,7 @@ impl PyIkSolver {
             iterations: iterations.finish().unbind(),
             position_error: position.finish().unbind(),
             orientation_error: orientation.finish().unbind(),
+            proven: proven.finish().unbind(),
         })
     }
 
@@ -503,19 +525,23 @@ pub struct PyIkResult {
 #[pymethods]
 impl PyIkResult {
     #[new]
+    #[pyo3(signature = (q, status, iterations, position_error, orientation_error, proven=false, starts=0))]
     fn new(
         q: &Bound<'_, PyAny>,
         status: &str,
         iterations: usize,
         position_error: f64,
         orientation_error: f64,
+        proven: bool,
+        starts: usize,
     ) -> PyResult<Self> {
         let q = read_vector(q, "q", None)?;
         let status = Status::ALL.into_iter().find(|s| s.as_str() == status).ok_or_else(|| {
             let valid = Status::ALL.iter().map(|s| s.as_str().to_owned()).collect();
             to_py(Error::UnknownName { kind: "status", name: status.into(), valid })
         })?;
-        Ok(Self { result: IkResult { q, status, iterations, position_error, orientation_error } })
+        let result = IkResult { q, status, iterations, position_error, orientation_error, proven, starts };
+        Ok(Self { result })
     }
 
     /// Joint positions `(n,)`. A copy.
@@ -554,9 +580,22 @@ impl PyIkResult {
         self.result.orientation_error
     }
 
-    fn __getnewargs__(&self) -> (Vec<f64>, &'static str, usize, f64, f64) {
-        let r = &self.result;
-        (r.q.clone(), r.status.as_str(), r.iterations, r.position_error, r.orientation_error)
+    /// Whether the status is exact.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.result.proven
+    }
+
+    /// Starts of the numeric search.
+    #[getter]
+    fn starts(&self) -> usize {
+        self.result.starts
+    }
+
+    fn __getnewargs__(&self) -> (Vec<f64>, &'static str, usize, f64, f64, bool, usize) {
+        let IkResult { q, status, iterations, position_error, orientation_error, proven, starts } =
+            self.result.clone();
+        (q, status.as_str(), iterations, position_error, orientation_error, proven, starts)
     }
 
     fn __repr__(&self) -> String {
@@ -581,6 +620,8 @@ pub struct PyIkBatch {
     position_error: Py<PyArray1<f64>>,
     /// `(N,)`, rad.
     orientation_error: Py<PyArray1<f64>>,
+    /// `(N,)`: whether each status is exact.
+    proven: Py<PyArray1<bool>>,
 }
 
 #[pymethods]
@@ -592,8 +633,9 @@ impl PyIkBatch {
         iterations: Py<PyArray1<u32>>,
         position_error: Py<PyArray1<f64>>,
         orientation_error: Py<PyArray1<f64>>,
+        proven: Py<PyArray1<bool>>,
     ) -> Self {
-        Self { q, status, iterations, position_error, orientation_error }
+        Self { q, status, iterations, position_error, orientation_error, proven }
     }
 
     fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
@@ -603,6 +645,7 @@ impl PyIkBatch {
             self.iterations.bind(py),
             self.position_error.bind(py),
             self.orientation_error.bind(py),
+            self.proven.bind(py),
         )
             .into_pyobject(py)
     }

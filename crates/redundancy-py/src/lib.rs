@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 mod batch;
 mod chain;
+mod closed_form;
 mod continuation;
 mod convert;
 mod criterion;
@@ -14,13 +15,17 @@ mod orientation_plan;
 mod path;
 mod plan;
 mod planning;
+mod quaternion;
+mod retime;
 mod rotation;
 mod scene;
 mod self_motion;
+mod solutions;
 mod speed;
 mod status;
 mod task;
 mod velocity;
+mod watch;
 
 #[pymodule]
 mod _core {
@@ -28,6 +33,8 @@ mod _core {
 
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use closed_form::py_closed_form;
     #[pymodule_export]
     use continuation::{
         PySelfMotionCurve, py_self_motion_curves, py_self_motion_patch, py_trace_self_motion,
@@ -53,6 +60,13 @@ mod _core {
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
+    use quaternion::{
+        py_pose, quaternion_conjugate, quaternion_from_axis_angle, quaternion_from_matrix,
+        quaternion_product, quaternion_rotate, quaternion_to_axis_angle, quaternion_to_matrix,
+    };
+    #[pymodule_export]
+    use retime::{PyRetimed, py_retime};
+    #[pymodule_export]
     use rotation::{
         PyCone, PyCrossSection, PyOrientationOptimizer, PyOrientationSolution, PyQuaternionVolume, PySpin,
         optimal_directions, quaternion_angle, quaternion_error, quaternion_from_rpy, quaternion_from_xyz,
@@ -63,6 +77,8 @@ mod _core {
     use scene::{PyBox, PyCapsule, PyClearance, PyLinkGeometry, PyScene, PySphere};
     #[pymodule_export]
     use self_motion::{PyBranch, PyChoice, PyChoiceBatch, PySelfMotion, PySolveBatch, PySrsArm};
+    #[pymodule_export]
+    use solutions::{PyPiece, PySolution, PySolutions, py_solutions};
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]

@@ -2,21 +2,22 @@
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyType};
+use pyo3::types::{PyDict, PyList, PyType};
 use redundancy_core::kinematics::Task;
 use redundancy_core::optimum::{
     Classification, Classifier, CofactorCondition, CriticalPoint, FollowSettings, FollowedOptimum, Kind,
     OptimaSettings, SingularPoint, SingularityCurve, SingularitySearch, SingularitySettings, Stop,
     cofactor_condition, constrained_optima, distance_to_nearest, follow_optimum, follow_starts, sort_starts,
 };
-use redundancy_core::path::Trajectory;
+use redundancy_core::path::Plan;
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
 use crate::convert::{read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::status::kind_to_py;
 use crate::task::{read_target, read_task};
 
@@ -302,7 +303,7 @@ pub fn py_cofactor_condition(
 }
 
 /// A critical point followed along a path.
-#[pyclass(name = "FollowedOptimum", module = "redundancy", frozen, extends = PyTrajectory)]
+#[pyclass(name = "FollowedOptimum", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyFollowedOptimum {
     followed: FollowedOptimum,
 }
@@ -311,13 +312,8 @@ pub struct PyFollowedOptimum {
 type FollowedParts = (String, Vec<f64>, Vec<f64>, Vec<f64>, Option<(f64, Vec<f64>)>);
 
 impl PyFollowedOptimum {
-    fn new_bound<'py>(
-        py: Python<'py>,
-        followed: FollowedOptimum,
-        trajectory: Trajectory,
-    ) -> PyResult<Bound<'py, Self>> {
-        let base = PyClassInitializer::from(PyTrajectory::from(trajectory));
-        Bound::new(py, base.add_subclass(Self { followed }))
+    fn new_bound(py: Python<'_>, followed: FollowedOptimum, plan: Plan) -> PyResult<Bound<'_, Self>> {
+        Bound::new(py, plan_initializer(plan).add_subclass(Self { followed }))
     }
 }
 
@@ -373,34 +369,28 @@ impl PyFollowedOptimum {
 
     fn __reduce__<'py>(
         this: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyTrajectory>, FollowedParts))> {
-        let py = this.py();
-        let base: &Bound<'py, PyTrajectory> = this.as_super();
-        let plain = Bound::new(py, PyTrajectory::from(base.get().trajectory.clone()))?;
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>, FollowedParts))> {
+        let arrays = PyPlan::everything(this.as_super())?;
         let FollowedOptimum { kind, values, sigma_min, eigenvalues, stop, .. } = &this.get().followed;
         let stop = stop.as_ref().map(|stop| (stop.s, stop.q.clone()));
         let parts = (kind.to_string(), values.clone(), sigma_min.clone(), eigenvalues.clone(), stop);
-        Ok((py.get_type::<Self>().getattr("_from_parts")?, (plain, parts)))
+        Ok((this.get_type().getattr("_from_parts")?, (arrays, parts)))
     }
 
     /// Inverse of pickling.
-    #[classmethod]
-    fn _from_parts<'py>(
-        class: &Bound<'py, PyType>,
-        trajectory: &Bound<'py, PyTrajectory>,
-        parts: FollowedParts,
-    ) -> PyResult<Bound<'py, Self>> {
-        let trajectory = trajectory.get().trajectory.clone();
+    #[staticmethod]
+    fn _from_parts<'py>(arrays: &Bound<'py, PyAny>, parts: FollowedParts) -> PyResult<Bound<'py, Self>> {
+        let plan = plan_of(arrays)?;
         let (word, values, sigma_min, eigenvalues, stop) = parts;
-        let stop = stop.zip(trajectory.events().last()).map(|((s, q), event)| Stop {
+        let stop = stop.zip(plan.trajectory().events().last()).map(|((s, q), event)| Stop {
             kind: event.kind,
             s,
             q,
             message: event.message.clone(),
         });
-        let (kind, q) = (word.parse().map_err(to_py)?, trajectory.q().to_vec());
+        let (kind, q) = (word.parse().map_err(to_py)?, plan.q().to_vec());
         let followed = FollowedOptimum { kind, q, values, sigma_min, eigenvalues, stop };
-        Self::new_bound(class.py(), followed, trajectory)
+        Self::new_bound(arrays.py(), followed, plan)
     }
 }
 
@@ -425,14 +415,14 @@ pub fn py_follow_optimum<'py>(
     let criterion = criterion.get().criterion.clone();
     let q0 = read_vector(q0, "q0", Some(chain.dof()))?;
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
-    let (followed, trajectory) = py
+    let (followed, plan) = py
         .detach(|| {
             let followed = follow_optimum(chain, path, &q0, criterion.as_ref(), task, &settings)?;
-            let trajectory = followed.trajectory(chain, path)?;
-            Ok((followed, trajectory))
+            let plan = followed.plan(chain, path)?;
+            Ok((followed, plan))
         })
         .map_err(to_py)?;
-    PyFollowedOptimum::new_bound(py, followed, trajectory)
+    PyFollowedOptimum::new_bound(py, followed, plan)
 }
 
 /// A critical point at a path's start, and how far it goes.
@@ -532,10 +522,10 @@ pub fn py_rank_starts(
     ranked
         .into_iter()
         .map(|start| {
-            let trajectory = start.followed.trajectory(chain, path).map_err(to_py)?;
+            let plan = start.followed.plan(chain, path).map_err(to_py)?;
             Ok(PyRankedStart {
                 point: Py::new(py, PyCriticalPoint { point: start.point })?,
-                trajectory: PyFollowedOptimum::new_bound(py, start.followed, trajectory)?.unbind(),
+                trajectory: PyFollowedOptimum::new_bound(py, start.followed, plan)?.unbind(),
             })
         })
         .collect()

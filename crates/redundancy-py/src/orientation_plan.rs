@@ -1,212 +1,141 @@
 //! Tilt and spin along a whole path.
 
-use std::time::Duration;
-
-use numpy::PyArray1;
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use redundancy_core::planning::{
-    OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation,
+    Bottleneck, OrientationPlan, OrientationPlanSettings, SpeedBound, SpinRange, plan_orientation,
 };
-use redundancy_core::timing::SpeedLimit;
-use redundancy_core::{Error, Status, pose_from_row_major, pose_to_row_major};
+use redundancy_core::{Error, Watch};
 
 use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::to_array;
+use crate::convert::{read_rotation, to_array};
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
-use crate::speed::{JointLimits, read_rotation, read_task};
-use crate::status::status_to_py;
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
+use crate::speed::{JointLimits, read_task};
+use crate::watch::watched_aside;
 
-/// How often a running plan is looked at.
-const LOOK: Duration = Duration::from_millis(50);
-
-/// A trajectory at constant tool speed with the orientation of each row.
-#[pyclass(name = "OrientationPlan", module = "redundancy", frozen, extends = PyTrajectory)]
+/// A plan at constant tool speed with the orientation of each row.
+#[pyclass(name = "OrientationPlan", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyOrientationPlan {
-    plan: OrientationPlan,
-    joint_names: Vec<String>,
+    speed: f64,
+    constant_speed: Option<f64>,
+    torques: Vec<f64>,
+    bottleneck: Option<Bottleneck>,
+    starts: usize,
+    steps: usize,
 }
+
+/// The numbers beside the columns that make it again: row, joint and whether its velocity is the bottleneck; starts,
+/// steps.
+type Counts = (Option<(usize, Option<usize>, bool)>, usize, usize);
+type Parts<'py> = (Bound<'py, PyDict>, (f64, Option<f64>, Vec<f64>), Counts);
 
 #[pymethods]
 impl PyOrientationPlan {
     /// Constant tool speed, m/s.
     #[getter]
     fn speed(&self) -> f64 {
-        self.plan.speed
+        self.speed
     }
 
     /// The same for the path's own orientation.
     #[getter]
     fn constant_speed(&self) -> Option<f64> {
-        self.plan.constant_speed
-    }
-
-    /// Arc lengths, m.
-    #[getter]
-    fn s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.plan.s)
-    }
-
-    /// Tool poses.
-    #[getter]
-    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let flat: Vec<f64> = self.plan.poses.iter().flat_map(pose_to_row_major).collect();
-        Ok(to_array(py, &flat, [self.plan.poses.len(), 4, 4])?.into_any())
+        self.constant_speed
     }
 
     /// Joint torques.
     #[getter]
-    fn torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.joint_names.len();
-        Ok(to_array(py, &self.plan.torques, [self.plan.torques.len() / n, n])?.into_any())
-    }
-
-    /// Tilt as a rotation vector in the path's frame.
-    #[getter]
-    fn tilt<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let flat: Vec<f64> = self.plan.tilt_spin.iter().flat_map(|u| [u[0], u[1]]).collect();
-        Ok(to_array(py, &flat, [self.plan.tilt_spin.len(), 2])?.into_any())
-    }
-
-    /// Spin about the tool axis.
-    #[getter]
-    fn spin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_iter(py, self.plan.tilt_spin.iter().map(|u| u[2]))
-    }
-
-    /// What the planner did.
-    #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        status_to_py(py, self.plan.status)
-    }
-
-    /// Why it is not `converged`; empty when it is.
-    #[getter]
-    fn reason(&self) -> &str {
-        &self.plan.reason
+    fn torques<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (torques, n) = (&this.get().torques, this.as_super().get().plan.trajectory().dof());
+        Ok(to_array(this.py(), torques, [torques.len() / n, n])?.into_any())
     }
 
     /// Name of the joint that allows no more; `None` where it is the rate of the orientation.
     #[getter]
-    fn limiting_joint_name(&self) -> Option<&str> {
-        self.joint_names.get(self.plan.limiting_joint).map(String::as_str)
+    fn limiting_joint_name(this: &Bound<'_, Self>) -> Option<String> {
+        let joint = this.get().limiting_joint()?;
+        this.as_super().get().plan.trajectory().joint_names().get(joint).cloned()
     }
 
     /// Its index.
     #[getter]
     fn limiting_joint(&self) -> Option<usize> {
-        Some(self.plan.limiting_joint).filter(|j| *j < self.joint_names.len())
+        self.bottleneck?.bound.joint()
     }
 
     /// `torque` or `velocity`.
     #[getter]
     fn limit(&self) -> &'static str {
-        match self.plan.limit {
-            SpeedLimit::Torque => "torque",
-            SpeedLimit::Velocity => "velocity",
+        match self.bottleneck.map(|at| at.bound) {
+            Some(SpeedBound::Velocity(_) | SpeedBound::Rate) => "velocity",
+            Some(SpeedBound::Torque(_)) | None => "torque",
         }
     }
 
     /// The row where that happens.
     #[getter]
     fn at(&self) -> usize {
-        self.plan.at
-    }
-
-    /// Path points that no configuration reaches.
-    #[getter]
-    fn blocked(&self) -> Vec<usize> {
-        self.plan.blocked.clone()
+        self.bottleneck.map_or(0, |at| at.row)
     }
 
     /// Starts that could be followed.
     #[getter]
     fn starts(&self) -> usize {
-        self.plan.starts
+        self.starts
     }
 
     /// Convex programs solved.
     #[getter]
     fn steps(&self) -> usize {
-        self.plan.steps
+        self.steps
     }
 
-    fn __repr__(&self) -> String {
-        let p = &self.plan;
-        let reason = if p.reason.is_empty() { String::new() } else { format!(": {}", p.reason) };
-        let gain = p.constant_speed.map_or(String::new(), |c| format!(", x{:.3} of {c:.4}", p.speed / c));
-        format!("OrientationPlan({:.4} m/s{gain}, {} rows, {}{reason})", p.speed, p.s.len(), p.status)
+    fn __repr__(this: &Bound<'_, Self>) -> String {
+        let (own, plan) = (this.get(), &this.as_super().get().plan);
+        let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
+        let gain = own.constant_speed.map_or(String::new(), |c| format!(", x{:.3} of {c:.4}", own.speed / c));
+        let (speed, rows, status) = (own.speed, plan.rows(), plan.status());
+        format!("OrientationPlan({speed:.4} m/s{gain}, {rows} rows, {status}{reason})")
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
-        let p = self.plan.clone();
-        let poses = p.poses.iter().map(pose_to_row_major).collect();
-        let counts = (p.limiting_joint, p.limit == SpeedLimit::Velocity, p.at, p.starts, p.steps);
-        let words = (p.status.as_str().into(), p.reason, self.joint_names.clone());
-        let parts = (
-            words,
-            p.speed,
-            p.constant_speed,
-            (p.s, poses, p.q, p.qd, p.torques, p.tilt_spin),
-            counts,
-            p.blocked,
-        );
-        Ok((py.get_type::<Self>().getattr("_from_parts")?, parts))
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let own = this.get();
+        let arrays = PyPlan::everything(this.as_super())?;
+        let velocity = own.limit() == "velocity";
+        let bottleneck = own.bottleneck.map(|at| (at.row, at.bound.joint(), velocity));
+        let speeds = (own.speed, own.constant_speed, own.torques.clone());
+        let parts = (arrays, speeds, (bottleneck, own.starts, own.steps));
+        Ok((this.get_type().getattr("_from_parts")?, parts))
     }
 
     /// Inverse of pickling.
     #[staticmethod]
     fn _from_parts<'py>(
-        py: Python<'py>,
-        words: (String, String, Vec<String>),
-        speed: f64,
-        constant_speed: Option<f64>,
-        rows: Rows,
-        counts: (usize, bool, usize, usize, usize),
-        blocked: Vec<usize>,
+        arrays: &Bound<'py, PyAny>,
+        speeds: (f64, Option<f64>, Vec<f64>),
+        counts: Counts,
     ) -> PyResult<Bound<'py, Self>> {
-        let (status, reason, joint_names) = words;
-        let (s, poses, q, qd, torques, tilt_spin) = rows;
-        let status =
-            Status::ALL.into_iter().find(|known| known.as_str() == status).unwrap_or(Status::Infeasible);
-        let poses = poses.iter().map(|m| pose_from_row_major(m)).collect::<Result<_, _>>().map_err(to_py)?;
-        let (limiting_joint, velocity, at, starts, steps) = counts;
-        let limit = if velocity { SpeedLimit::Velocity } else { SpeedLimit::Torque };
-        let plan = OrientationPlan {
-            status,
-            reason,
-            speed,
-            constant_speed,
-            s,
-            poses,
-            q,
-            qd,
-            torques,
-            tilt_spin,
-            limiting_joint,
-            limit,
-            at,
-            blocked,
-            starts,
-            steps,
-        };
-        wrapped(py, plan, joint_names)
+        let plan = plan_of(arrays)?;
+        let ((speed, constant_speed, torques), (bottleneck, starts, steps)) = (speeds, counts);
+        let bottleneck = bottleneck.map(|(row, joint, velocity)| {
+            let bound = match joint {
+                Some(joint) if velocity => SpeedBound::Velocity(joint),
+                Some(joint) => SpeedBound::Torque(joint),
+                None => SpeedBound::Rate,
+            };
+            Bottleneck { row, bound }
+        });
+        let plan = OrientationPlan { plan, speed, constant_speed, torques, bottleneck, starts, steps };
+        wrapped(arrays.py(), plan)
     }
 }
 
-type Rows = (Vec<f64>, Vec<[f64; 16]>, Vec<f64>, Vec<f64>, Vec<f64>, Vec<[f64; 3]>);
-type Parts =
-    ((String, String, Vec<String>), f64, Option<f64>, Rows, (usize, bool, usize, usize, usize), Vec<usize>);
-
-fn wrapped(
-    py: Python<'_>,
-    plan: OrientationPlan,
-    joint_names: Vec<String>,
-) -> PyResult<Bound<'_, PyOrientationPlan>> {
-    let trajectory = plan.trajectory(&joint_names).map_err(to_py)?;
-    let base = PyClassInitializer::from(PyTrajectory::from(trajectory));
-    Bound::new(py, base.add_subclass(PyOrientationPlan { plan, joint_names }))
+fn wrapped(py: Python<'_>, plan: OrientationPlan) -> PyResult<Bound<'_, PyOrientationPlan>> {
+    let OrientationPlan { plan, speed, constant_speed, torques, bottleneck, starts, steps } = plan;
+    let own = PyOrientationPlan { speed, constant_speed, torques, bottleneck, starts, steps };
+    Bound::new(py, plan_initializer(plan).add_subclass(own))
 }
 
 /// `"free"` or the largest angle.
@@ -256,44 +185,11 @@ pub fn py_plan_orientation<'py>(
     };
     let settings = OrientationPlanSettings { half_angle, spin, speed, torque_margin, max_rate, time_limit };
     let pool = crate::batch::pool(threads)?;
-    let watch = PlanWatch::default();
-    let mut stopped: Option<PyErr> = None;
-    let plan = py.detach(|| {
-        std::thread::scope(|scope| {
-            let work = || plan_orientation(&chain, &path, &settings, &watch);
-            let pool = &pool;
-            let running = scope.spawn(move || match pool {
-                Some(pool) => pool.install(work),
-                None => work(),
-            });
-            while !running.is_finished() {
-                std::thread::park_timeout(LOOK);
-                let look = |py: Python<'_>| -> PyResult<()> {
-                    let call = progress.as_ref().filter(|_| stopped.is_none());
-                    let seen = py.check_signals().and_then(|()| {
-                        call.map_or(Ok(()), |call| call.call1(py, (watch.share(), watch.speed())).map(drop))
-                    });
-                    // Ctrl-C: the best plan so far is the answer, and says so.
-                    match seen {
-                        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
-                            watch.cancel();
-                            Ok(())
-                        }
-                        other => other,
-                    }
-                };
-                if let Err(error) = Python::attach(look) {
-                    watch.cancel();
-                    stopped = Some(error);
-                }
-            }
-            running.join()
-        })
-    });
-    if let Some(error) = stopped {
-        return Err(error);
-    }
-    let plan =
-        plan.map_err(|_| to_py(Error::Invalid("the planner stopped unexpectedly".into())))?.map_err(to_py)?;
-    wrapped(py, plan, chain.joints().iter().map(|j| j.name.clone()).collect())
+    let watch = Watch::default();
+    let report = |py: Python<'_>| {
+        let seen = (watch.share(), watch.speed().unwrap_or(0.0));
+        progress.as_ref().map_or(Ok(()), |call| call.call1(py, seen).map(drop))
+    };
+    let work = || plan_orientation(&chain, &path, &settings, &watch);
+    wrapped(py, watched_aside(py, &watch, &pool, report, work)?)
 }

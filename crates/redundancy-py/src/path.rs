@@ -2,17 +2,18 @@
 
 use std::path::PathBuf;
 
-use numpy::{PyArray1, PyArray2, PyArray3};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
-use redundancy_core::nalgebra::{Matrix3, Rotation3, Vector3};
+use redundancy_core::nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
 use redundancy_core::path::{
-    Circle, Event, Path, Raster, Shape, TimingSettings, Trajectory, times_within_limits,
+    Circle, Event, Path, PathPiece, Raster, Section, Shape, TimingSettings, Trajectory, times_within_limits,
 };
-use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
+use redundancy_core::rotation::from_rounded_wxyz;
+use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 
-use crate::convert::{Fresh, Integer, read_array, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::convert::{Fresh, Integer, read_array, read_numbers, read_pose, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::status::event_kind_to_py;
 
@@ -32,15 +33,33 @@ impl From<Path> for PyPath {
 #[pymethods]
 impl PyPath {
     #[new]
-    #[pyo3(signature = (poses, s=None, t=None))]
+    #[pyo3(signature = (poses=None, s=None, t=None, *, positions=None, quaternions_wxyz=None))]
     fn new(
-        poses: &Bound<'_, PyAny>,
+        poses: Option<&Bound<'_, PyAny>>,
         s: Option<&Bound<'_, PyAny>>,
         t: Option<&Bound<'_, PyAny>>,
+        positions: Option<&Bound<'_, PyAny>>,
+        quaternions_wxyz: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let s = s.map(|s| read_vector(s, "s", None)).transpose()?;
         let t = t.map(|t| read_vector(t, "t", None)).transpose()?;
-        let path = match Samples::read(poses)? {
+        let samples = match (poses, positions, quaternions_wxyz) {
+            (Some(poses), None, None) => Samples::read(poses)?,
+            (None, Some(positions), quaternions) => Samples::placed(positions, quaternions)?,
+            (None, None, None) => {
+                let message = "give poses, or positions (and quaternions_wxyz)";
+                return Err(to_py(Error::Invalid(message.into())));
+            }
+            (Some(_), ..) => {
+                let message = "give either poses or positions and quaternions_wxyz, not both";
+                return Err(to_py(Error::Invalid(message.into())));
+            }
+            (None, None, Some(_)) => {
+                let message = "quaternions_wxyz need positions (N, 3) beside them";
+                return Err(to_py(Error::Invalid(message.into())));
+            }
+        };
+        let path = match samples {
             Samples::Poses(poses) => Path::new(&poses, s.as_deref(), t.as_deref()),
             Samples::Positions(positions) => Path::from_positions(&positions, s.as_deref(), t.as_deref()),
         };
@@ -135,6 +154,21 @@ impl PyPath {
         self.path.resampled(step).map(Self::from).map_err(to_py)
     }
 
+    /// The path moved by a rigid transform.
+    fn transformed(&self, pose: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.path.transformed(&read_pose(pose)?).map(Self::from).map_err(to_py)
+    }
+
+    /// The path from its end to its start.
+    fn reversed(&self) -> PyResult<Self> {
+        self.path.reversed().map(Self::from).map_err(to_py)
+    }
+
+    /// This path and then another.
+    fn joined(&self, other: &Self) -> PyResult<Self> {
+        self.path.joined(&other.path).map(Self::from).map_err(to_py)
+    }
+
     /// The same positions with other orientations.
     fn with_orientation(&self, orientation: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.oriented(Some(orientation)).map(Self::from)
@@ -155,6 +189,7 @@ impl PyPath {
         let kind = match self.path.shape() {
             Shape::Circle(_) => "circle",
             Shape::Raster(_) => "raster",
+            Shape::Joined => "joined paths",
             _ => "spline",
         };
         let what = if self.path.has_orientation() { "poses" } else { "positions" };
@@ -208,18 +243,50 @@ impl Samples {
         {
             return Ok(Self::Poses(list.iter().map(|item| read_pose(&item)).collect::<PyResult<_>>()?));
         }
-        if let Ok(rows) = read_rows(object, "poses", &[3])
-            && rows.batch.is_some()
-        {
-            let positions = rows.as_slice()?.chunks_exact(3).map(Vector3::from_column_slice);
-            return Ok(Self::Positions(positions.collect()));
+        let (array, shape) = read_numbers(object, "poses")?;
+        let array = array.try_readonly()?;
+        let values = array.as_slice()?;
+        match shape[..] {
+            [_, 3] => {
+                let positions = values.chunks_exact(3).map(Vector3::from_column_slice);
+                Ok(Self::Positions(positions.collect()))
+            }
+            [_, 4, 4] | [4, 4] => {
+                let poses = values.chunks_exact(16).enumerate().map(|(i, row)| {
+                    pose_from_row_major(row)
+                        .map_err(|error| to_py(Error::Invalid(format!("poses[{i}]: {error}"))))
+                });
+                Ok(Self::Poses(poses.collect::<PyResult<_>>()?))
+            }
+            _ => {
+                let shape = PyTuple::new(object.py(), &shape)?;
+                let message = format!("poses has shape {shape}, expected (N, 4, 4) or positions (N, 3)");
+                Err(to_py(Error::Invalid(message)))
+            }
         }
-        let rows = read_poses(object).map_err(|_| {
-            let shape = object.getattr("shape").map_or_else(|_| "no array".into(), |shape| shape.to_string());
-            to_py(Error::Invalid(format!("poses: {shape}, expected (N, 4, 4) or positions (N, 3)")))
-        })?;
-        let poses = rows.as_slice()?.chunks_exact(16).enumerate().map(|(i, row)| {
-            pose_from_row_major(row).map_err(|error| to_py(Error::Invalid(format!("poses[{i}]: {error}"))))
+    }
+
+    /// From positions `(N, 3)` and, where given, quaternions `(N, 4)` or one for all.
+    fn placed(positions: &Bound<'_, PyAny>, quaternions: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let rows = read_rows(positions, "positions", &[3])?;
+        let Some(n) = rows.batch else {
+            return Err(to_py(Error::Invalid("positions has shape (3,), expected (N, 3)".into())));
+        };
+        let positions: Vec<_> = rows.as_slice()?.chunks_exact(3).map(Vector3::from_column_slice).collect();
+        let Some(quaternions) = quaternions else { return Ok(Self::Positions(positions)) };
+        let rows = read_rows(quaternions, "quaternions_wxyz", &[4])?;
+        if let Some(actual) = rows.batch.filter(|actual| *actual != n) {
+            let what = "quaternions_wxyz (rows)".into();
+            return Err(to_py(Error::Length { what, expected: n, actual }));
+        }
+        let quaternions = rows.as_slice()?.as_chunks::<4>().0;
+        let poses = positions.iter().enumerate().map(|(i, position)| {
+            let (what, wxyz) = match rows.batch {
+                None => ("quaternions_wxyz".into(), quaternions[0]),
+                Some(_) => (format!("quaternions_wxyz[{i}]"), quaternions[i]),
+            };
+            let rotation = from_rounded_wxyz(&what, wxyz).map_err(to_py)?.to_rotation_matrix();
+            Ok(Pose::from_parts(Translation3::from(*position), rotation))
         });
         Ok(Self::Poses(poses.collect::<PyResult<_>>()?))
     }
@@ -227,79 +294,101 @@ impl Samples {
 
 /// Rotations from `(3, 3)`, `(N, 3, 3)`, one pose or many.
 fn read_rotations(object: &Bound<'_, PyAny>) -> PyResult<Vec<Rotation3<f64>>> {
-    let matrix = object.call_method0("as_matrix").unwrap_or_else(|_| object.clone());
-    if let Ok(rows) = read_rows(&matrix, "orientation", &[3, 3]) {
-        let matrices = rows.as_slice()?.chunks_exact(9).map(Matrix3::from_row_slice);
-        return Ok(matrices.map(Rotation3::from_matrix_unchecked).collect());
+    let (array, shape) = read_numbers(object, "orientation")?;
+    let array = array.try_readonly()?;
+    let values = array.as_slice()?;
+    match shape[..] {
+        [3, 3] | [_, 3, 3] => {
+            let matrices = values.chunks_exact(9).enumerate();
+            let rotation = |(i, m): (usize, &[f64])| {
+                rotation_from_matrix(&format!("orientation {i}"), &Matrix3::from_row_slice(m)).map_err(to_py)
+            };
+            matrices.map(rotation).collect()
+        }
+        [4, 4] | [_, 4, 4] => {
+            let poses = values.chunks_exact(16).map(pose_from_row_major);
+            poses.map(|pose| Ok(pose.map_err(to_py)?.rotation)).collect()
+        }
+        _ => {
+            let shape = PyTuple::new(object.py(), &shape)?;
+            let message =
+                format!("orientation has shape {shape}, expected (3, 3), (N, 3, 3), (4, 4) or (N, 4, 4)");
+            Err(to_py(Error::Invalid(message)))
+        }
     }
-    let rows = read_poses(object).map_err(|_| {
-        to_py(Error::Invalid("orientation: expected (3, 3), (N, 3, 3), (4, 4) or (N, 4, 4)".into()))
-    })?;
-    let poses = rows.as_slice()?.chunks_exact(16).map(pose_from_row_major);
-    poses.map(|pose| Ok(pose.map_err(to_py)?.rotation)).collect()
 }
 
 fn shaped<'py>(py: Python<'py>, values: &[f64], shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
     to_array(py, values, [values.len()])?.call_method1("reshape", (PyTuple::new(py, shape)?,))
 }
 
-/// All that a path is made of, in types that pickle: shape with its numbers, samples, orientation or not, s, t.
+/// All that a path is made of, in types that pickle: pieces, samples, orientation or not, s, t.
 #[derive(FromPyObject, IntoPyObject)]
-struct PathParts(ShapeParts, Vec<[f64; 16]>, bool, Vec<f64>, Option<Vec<f64>>);
+struct PathParts(Vec<PieceParts>, Vec<[f64; 16]>, bool, Vec<f64>, Option<Vec<f64>>);
 
-type ShapeParts = (String, Vec<f64>);
+/// Shape, its numbers, shift, first and last sample.
+type PieceParts = (String, Vec<f64>, f64, usize, usize);
 
 impl PathParts {
     fn of(path: &Path) -> Self {
-        let shape = match path.shape() {
-            Shape::Circle(c) => {
-                let (center, normal) = (c.center(), c.normal());
-                let mut numbers = center.as_slice().to_vec();
-                numbers.extend([c.radius(), c.start(), c.turns(), normal.x, normal.y, normal.z]);
-                ("circle".to_owned(), numbers)
-            }
-            Shape::Raster(r) => {
-                let (origin, along, across) = (r.origin(), r.along(), r.across());
-                let mut numbers = origin.as_slice().to_vec();
-                numbers.extend([r.length(), r.spacing(), r.strokes() as f64]);
-                numbers.extend([along.x, along.y, along.z, across.x, across.y, across.z]);
-                numbers.extend(r.corner());
-                ("raster".to_owned(), numbers)
-            }
-            _ => ("spline".to_owned(), Vec::new()),
-        };
+        let pieces = path.pieces().map(|piece| {
+            let (kind, numbers) = shape_parts(&piece.shape);
+            (kind.to_owned(), numbers, piece.shift, piece.first, piece.last)
+        });
         let poses = path.poses().iter().map(pose_to_row_major).collect();
-        Self(shape, poses, path.has_orientation(), path.s().to_vec(), path.t().map(<[f64]>::to_vec))
+        let t = path.t().map(<[f64]>::to_vec);
+        Self(pieces.collect(), poses, path.has_orientation(), path.s().to_vec(), t)
     }
 
     fn build(self) -> redundancy_core::Result<Path> {
-        let Self((kind, numbers), poses, oriented, s, t) = self;
+        let Self(pieces, poses, oriented, s, t) = self;
         let poses = poses.iter().map(|pose| pose_from_row_major(pose)).collect::<Result<Vec<_>, _>>()?;
-        let vector = |from: usize| Vector3::new(numbers[from], numbers[from + 1], numbers[from + 2]);
-        let shape = match (kind.as_str(), numbers.len()) {
-            ("circle", 9) => {
-                Shape::Circle(Circle::new(vector(0), numbers[3], numbers[4], numbers[5], vector(6))?)
-            }
-            ("raster", 12 | 13) => Shape::Raster(Raster::new(
-                vector(0),
-                numbers[3],
-                numbers[4],
-                numbers[5] as usize,
-                numbers.get(12).copied(),
-                vector(6),
-                vector(9),
-            )?),
-            _ if oriented => return Path::new(&poses, Some(&s), t.as_deref()),
-            _ => {
-                let positions: Vec<_> = poses.iter().map(|pose| pose.translation.vector).collect();
-                return Path::from_positions(&positions, Some(&s), t.as_deref());
-            }
-        };
-        let mut path = Path::from_shape(shape, s)?;
-        if oriented {
-            path = path.with_orientations(&poses.iter().map(|pose| pose.rotation).collect::<Vec<_>>())?;
+        let pieces = pieces.iter().map(|(kind, numbers, shift, first, last)| {
+            let shape = shape_from_parts(kind, numbers)?;
+            Ok(PathPiece { shape, shift: *shift, first: *first, last: *last })
+        });
+        let pieces = pieces.collect::<redundancy_core::Result<Vec<_>>>()?;
+        Path::from_pieces(&poses, oriented, &s, t.as_deref(), pieces)
+    }
+}
+
+/// A shape by its name and numbers.
+fn shape_parts(shape: &Shape) -> (&'static str, Vec<f64>) {
+    match shape {
+        Shape::Circle(c) => {
+            let (center, normal) = (c.center(), c.normal());
+            let mut numbers = center.as_slice().to_vec();
+            numbers.extend([c.radius(), c.start(), c.turns(), normal.x, normal.y, normal.z]);
+            ("circle", numbers)
         }
-        path.with_times(t.as_deref())
+        Shape::Raster(r) => {
+            let (origin, along, across) = (r.origin(), r.along(), r.across());
+            let mut numbers = origin.as_slice().to_vec();
+            numbers.extend([r.length(), r.spacing(), r.strokes() as f64]);
+            numbers.extend([along.x, along.y, along.z, across.x, across.y, across.z]);
+            numbers.extend(r.corner());
+            ("raster", numbers)
+        }
+        _ => ("spline", Vec::new()),
+    }
+}
+
+/// Inverse of [`shape_parts`].
+fn shape_from_parts(kind: &str, numbers: &[f64]) -> redundancy_core::Result<Shape> {
+    let vector = |from: usize| Vector3::new(numbers[from], numbers[from + 1], numbers[from + 2]);
+    match (kind, numbers.len()) {
+        ("circle", 9) => {
+            let circle = Circle::new(vector(0), numbers[3], numbers[4], numbers[5], vector(6))?;
+            Ok(Shape::Circle(circle))
+        }
+        ("raster", 12 | 13) => {
+            let (strokes, corner) = (numbers[5] as usize, numbers.get(12).copied());
+            let (along, across) = (vector(6), vector(9));
+            let raster = Raster::new(vector(0), numbers[3], numbers[4], strokes, corner, along, across)?;
+            Ok(Shape::Raster(raster))
+        }
+        ("spline", 0) => Ok(Shape::Spline),
+        (other, n) => Err(Error::Invalid(format!("unknown shape '{other}' with {n} numbers"))),
     }
 }
 
@@ -434,6 +523,12 @@ impl PyTrajectory {
         arrays.set_item("t", self.t(py))?;
         arrays.set_item("q", self.q(py)?)?;
         arrays.set_item("qd", self.qd(py)?)?;
+        if let Some(qdd) = self.qdd(py)? {
+            arrays.set_item("qdd", qdd)?;
+        }
+        if let Some(section) = self.section(py)? {
+            arrays.set_item("section", section)?;
+        }
         arrays.set_item("event_kind", strings(events.iter().map(|e| e.kind.as_str()).collect())?)?;
         arrays.set_item("event_index", PyArray1::from_iter(py, events.iter().map(|e| e.index as i64)))?;
         arrays.set_item("event_t", PyArray1::from_iter(py, events.iter().map(|e| e.t)))?;
@@ -446,20 +541,35 @@ impl PyTrajectory {
 #[pymethods]
 impl PyTrajectory {
     #[new]
-    #[pyo3(signature = (joint_names, t, q, qd=None, events=None))]
+    #[pyo3(signature = (joint_names, t, q, qd=None, events=None, qdd=None, section=None))]
     fn new(
         joint_names: Vec<String>,
         t: &Bound<'_, PyAny>,
         q: &Bound<'_, PyAny>,
         qd: Option<&Bound<'_, PyAny>>,
         events: Option<Vec<Bound<'_, PyEvent>>>,
+        qdd: Option<&Bound<'_, PyAny>>,
+        section: Option<Vec<String>>,
     ) -> PyResult<Self> {
         let n = joint_names.len();
         let q = read_joint_rows(q, "q", n)?;
         let qd = qd.map(|qd| read_joint_rows(qd, "qd", n)).transpose()?;
         let events = events.unwrap_or_default().iter().map(|event| event.get().event.clone()).collect();
-        let trajectory = Trajectory::new(joint_names, read_vector(t, "t", None)?, q, qd, events);
-        trajectory.map(Self::from).map_err(to_py)
+        let qdd = qdd.map(|qdd| read_joint_rows(qdd, "qdd", n)).transpose()?;
+        let build = |t: Vec<f64>| -> redundancy_core::Result<Trajectory> {
+            let mut trajectory = Trajectory::new(joint_names, t, q, qd, events)?;
+            if let Some(qdd) = qdd {
+                trajectory = trajectory.with_accelerations(qdd)?;
+            }
+            match section {
+                None => Ok(trajectory),
+                Some(words) => {
+                    let sections = words.iter().map(|word| word.parse::<Section>());
+                    trajectory.with_sections(sections.collect::<redundancy_core::Result<_>>()?)
+                }
+            }
+        };
+        build(read_vector(t, "t", None)?).map(Self::from).map_err(to_py)
     }
 
     /// Reads a CSV file.
@@ -524,6 +634,37 @@ impl PyTrajectory {
         to_array(py, self.trajectory.qd(), [self.trajectory.rows(), self.trajectory.dof()])
     }
 
+    /// Joint accelerations, where there are any.
+    #[getter]
+    fn qdd<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let shape = [self.trajectory.rows(), self.trajectory.dof()];
+        self.trajectory.qdd().map(|qdd| to_array(py, qdd, shape)).transpose()
+    }
+
+    /// The part of the motion to which each row belongs, where that is known.
+    #[getter]
+    fn section<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(sections) = self.trajectory.sections() else { return Ok(None) };
+        let words: Vec<&str> = sections.iter().map(|section| section.as_str()).collect();
+        // Also without rows an array of strings.
+        py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U"))).map(Some)
+    }
+
+    /// The state between the rows.
+    fn sample<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 4]> {
+        let (times, n) = (read_rows(t, "t", &[])?, self.trajectory.dof());
+        let count = times.batch.unwrap_or(1);
+        let mut arrays = [(); 4].map(|()| Fresh::<f64, _>::new(py, [count * n]));
+        let [q, qd, qdd, qddd] = &mut arrays;
+        let out = [q.memory()?, qd.memory()?, qdd.memory()?, qddd.memory()?];
+        let values = times.as_slice()?;
+        py.detach(|| self.trajectory.sample_many(values, out)).map_err(to_py)?;
+        let shape: Vec<usize> = times.batch.into_iter().chain([n]).collect();
+        let shape = PyTuple::new(py, shape)?;
+        let [q, qd, qdd, qddd] = arrays.map(|array| array.finish().call_method1("reshape", (&shape,)));
+        Ok([q?, qd?, qdd?, qddd?])
+    }
+
     /// What happened on the way.
     #[getter]
     fn events(&self) -> Vec<PyEvent> {
@@ -543,7 +684,10 @@ impl PyTrajectory {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
         let events = PyList::new(py, self.events())?;
-        let parts = (self.joint_names(), self.t(py), self.q(py)?, self.qd(py)?, events);
+        let section = self.trajectory.sections();
+        let section = section.map(|list| list.iter().map(|section| section.as_str()).collect::<Vec<_>>());
+        let (t, q, qd, qdd) = (self.t(py), self.q(py)?, self.qd(py)?, self.qdd(py)?);
+        let parts = (self.joint_names(), t, q, qd, events, qdd, section);
         Ok((py.get_type::<Self>(), parts.into_pyobject(py)?))
     }
 }
@@ -582,8 +726,13 @@ pub fn read_arrays(file: &Bound<'_, PyAny>) -> PyResult<PyTrajectory> {
         PyEvent::new(kind, index.into(), t, s, message).and_then(|event| Bound::new(py, event))
     });
     let events = events.collect::<PyResult<Vec<_>>>()?;
-    let (q, qd) = (file.get_item("q")?, file.get_item("qd")?);
-    PyTrajectory::new(names, &file.get_item("t")?, &q, Some(&qd), Some(events))
+    let optional = |name: &str| match file.contains(name)? {
+        true => file.get_item(name).map(Some),
+        false => Ok(None),
+    };
+    let section = optional("section")?.map(|words| words.call_method0("tolist")?.extract()).transpose()?;
+    let (q, qd, qdd) = (file.get_item("q")?, file.get_item("qd")?, optional("qdd")?);
+    PyTrajectory::new(names, &file.get_item("t")?, &q, Some(&qd), Some(events), qdd.as_ref(), section)
 }
 
 fn read_smoothing(object: &Bound<'_, PyAny>) -> PyResult<usize> {

@@ -1,10 +1,8 @@
 //! Whole paths with any freedom: `ToolFreedom`, `Plan`, `plan`.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::kinematics::{SpinFreedom, ToolFreedom};
@@ -21,9 +19,7 @@ use crate::path::{PyPath, PyTrajectory, read_arrays};
 use crate::speed::{JointLimits, read_limits};
 use crate::status::status_to_py;
 use crate::task::read_task;
-
-/// How often a running plan is looked at.
-const LOOK: Duration = Duration::from_millis(20);
+use crate::watch::watched_aside;
 
 /// How far the tool may lean and spin away from the path's orientation.
 #[pyclass(name = "ToolFreedom", module = "redundancy", frozen, eq)]
@@ -85,7 +81,7 @@ impl PyToolFreedom {
 }
 
 /// A motion along a path with its verdict.
-#[pyclass(name = "Plan", module = "redundancy", frozen, extends = PyTrajectory)]
+#[pyclass(name = "Plan", module = "redundancy", frozen, subclass, extends = PyTrajectory)]
 pub struct PyPlan {
     pub plan: Plan,
 }
@@ -126,6 +122,12 @@ impl PyPlan {
     #[getter]
     fn reconfigurations(&self) -> Vec<usize> {
         self.plan.reconfigurations().iter().map(|change| change.row).collect()
+    }
+
+    /// Why, for each of them.
+    #[getter]
+    fn reconfiguration_reasons(&self) -> Vec<&str> {
+        self.plan.reconfigurations().iter().map(|change| change.reason.as_str()).collect()
     }
 
     /// Points of the path without any configuration.
@@ -235,71 +237,10 @@ impl PyPlan {
     /// Inverse of pickling.
     #[staticmethod]
     fn _from_arrays<'py>(arrays: &Bound<'py, PyAny>) -> PyResult<Bound<'py, Self>> {
-        let py = arrays.py();
-        let trajectory = read_arrays(arrays)?.trajectory;
-        let words: Vec<String> = arrays.get_item("verdict")?.call_method0("tolist")?.extract()?;
-        let invalid = || to_py(Error::Invalid("these are not the parts of a plan".into()));
-        let [word, reason, legal, proven] = words.as_slice() else { return Err(invalid()) };
-        let status =
-            |word: &str| Status::ALL.into_iter().find(|status| status.as_str() == word).ok_or_else(invalid);
-        let mut builder = PlanBuilder::new(trajectory, status(word)?).reason(reason.clone());
-        if legal != "unknown" {
-            builder = builder.legal(legal == "true");
-        }
-        builder = builder.proven(proven == "true");
-        let list = |name: &str| arrays.get_item(name)?.call_method0("tolist");
-        let (rows, why): (Vec<usize>, Vec<String>) =
-            (list("reconfiguration_row")?.extract()?, list("reconfiguration_reason")?.extract()?);
-        let changes = rows.into_iter().zip(why).map(|(row, reason)| Reconfiguration { row, reason });
-        builder = builder.reconfigurations(changes.collect());
-        let (rows, kinds): (Vec<usize>, Vec<String>) =
-            (list("blocked_row")?.extract()?, list("blocked_status")?.extract()?);
-        let why: Vec<String> = list("blocked_reason")?.extract()?;
-        let mut blocked = Vec::new();
-        for ((row, kind), reason) in rows.into_iter().zip(kinds).zip(why) {
-            blocked.push(BlockedPoint { row, status: status(&kind)?, reason });
-        }
-        builder = builder.blocked(blocked);
-        let known = |name: &str| arrays.contains(name);
-        let column = |name: &str| read_vector(&arrays.get_item(name)?, name, None);
-        if known("cost")? {
-            builder = builder.cost(column("cost")?.first().copied().ok_or_else(invalid)?);
-        }
-        let setters: [(&str, fn(PlanBuilder, Vec<f64>) -> PlanBuilder); 6] = [
-            ("s", PlanBuilder::s),
-            ("spin", PlanBuilder::spin),
-            ("margin", PlanBuilder::margin),
-            ("clearance", PlanBuilder::clearance),
-            ("self_clearance", PlanBuilder::self_clearance),
-            ("row_cost", PlanBuilder::row_cost),
-        ];
-        for (name, set) in setters {
-            if known(name)? {
-                builder = set(builder, column(name)?);
-            }
-        }
-        if known("tilt")? {
-            let rows = arrays.get_item("tilt")?;
-            let tilt = read_rows(&rows, "tilt", &[2])?.as_slice()?.as_chunks::<2>().0.to_vec();
-            builder = builder.tilt(tilt);
-        }
-        if known("poses")? {
-            let rows = arrays.get_item("poses")?;
-            let rows = read_rows(&rows, "poses", &[4, 4])?;
-            let poses = rows.as_slice()?.chunks_exact(16).map(pose_from_row_major);
-            builder = builder.poses(poses.collect::<Result<_, _>>().map_err(to_py)?);
-        }
-        if known("piece")? {
-            builder = builder.pieces(list("piece")?.extract()?, list("piece_labels")?.extract()?);
-        }
-        for name in list("spare_names")?.extract::<Vec<String>>()? {
-            let values = column(&format!("spare_{name}"))?;
-            builder = builder.spare(name, values);
-        }
-        wrapped(py, builder.build().map_err(to_py)?)
+        wrapped(arrays.py(), plan_of(arrays)?)
     }
 
-    fn __repr__(&self) -> String {
+    pub fn __repr__(&self) -> String {
         let plan = &self.plan;
         let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
         let cost = plan.cost().map_or(String::new(), |cost| format!(", cost {cost:.6}"));
@@ -315,14 +256,14 @@ impl PyPlan {
     }
 
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
-        let make = this.py().get_type::<Self>().getattr("_from_arrays")?;
+        let make = this.get_type().getattr("_from_arrays")?;
         Ok((make, (Self::everything(this)?,)))
     }
 }
 
 impl PyPlan {
     /// Everything as named arrays.
-    fn everything<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+    pub fn everything<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
         let (py, plan) = (this.py(), &this.get().plan);
         let arrays = this.as_super().get().arrays(py)?;
         let numpy = py.import("numpy")?;
@@ -375,10 +316,80 @@ impl PyPlan {
     }
 }
 
+/// A plan, ready for what extends it.
+pub fn plan_initializer(plan: Plan) -> PyClassInitializer<PyPlan> {
+    let base = PyClassInitializer::from(PyTrajectory::from(plan.trajectory().clone()));
+    base.add_subclass(PyPlan { plan })
+}
+
 /// A plan as a Python object.
 pub fn wrapped(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PyPlan>> {
-    let base = PyClassInitializer::from(PyTrajectory::from(plan.trajectory().clone()));
-    Bound::new(py, base.add_subclass(PyPlan { plan }))
+    Bound::new(py, plan_initializer(plan))
+}
+
+/// The plan of what [`PyPlan::everything`] gives.
+pub fn plan_of(arrays: &Bound<'_, PyAny>) -> PyResult<Plan> {
+    let trajectory = read_arrays(arrays)?.trajectory;
+    let words: Vec<String> = arrays.get_item("verdict")?.call_method0("tolist")?.extract()?;
+    let invalid = || to_py(Error::Invalid("these are not the parts of a plan".into()));
+    let [word, reason, legal, proven] = words.as_slice() else { return Err(invalid()) };
+    let status =
+        |word: &str| Status::ALL.into_iter().find(|status| status.as_str() == word).ok_or_else(invalid);
+    let mut builder = PlanBuilder::new(trajectory, status(word)?).reason(reason.clone());
+    if legal != "unknown" {
+        builder = builder.legal(legal == "true");
+    }
+    builder = builder.proven(proven == "true");
+    let list = |name: &str| arrays.get_item(name)?.call_method0("tolist");
+    let (rows, why): (Vec<usize>, Vec<String>) =
+        (list("reconfiguration_row")?.extract()?, list("reconfiguration_reason")?.extract()?);
+    let changes = rows.into_iter().zip(why).map(|(row, reason)| Reconfiguration { row, reason });
+    builder = builder.reconfigurations(changes.collect());
+    let (rows, kinds): (Vec<usize>, Vec<String>) =
+        (list("blocked_row")?.extract()?, list("blocked_status")?.extract()?);
+    let why: Vec<String> = list("blocked_reason")?.extract()?;
+    let mut blocked = Vec::new();
+    for ((row, kind), reason) in rows.into_iter().zip(kinds).zip(why) {
+        blocked.push(BlockedPoint { row, status: status(&kind)?, reason });
+    }
+    builder = builder.blocked(blocked);
+    let known = |name: &str| arrays.contains(name);
+    let column = |name: &str| read_vector(&arrays.get_item(name)?, name, None);
+    if known("cost")? {
+        builder = builder.cost(column("cost")?.first().copied().ok_or_else(invalid)?);
+    }
+    let setters: [(&str, fn(PlanBuilder, Vec<f64>) -> PlanBuilder); 6] = [
+        ("s", PlanBuilder::s),
+        ("spin", PlanBuilder::spin),
+        ("margin", PlanBuilder::margin),
+        ("clearance", PlanBuilder::clearance),
+        ("self_clearance", PlanBuilder::self_clearance),
+        ("row_cost", PlanBuilder::row_cost),
+    ];
+    for (name, set) in setters {
+        if known(name)? {
+            builder = set(builder, column(name)?);
+        }
+    }
+    if known("tilt")? {
+        let rows = arrays.get_item("tilt")?;
+        let tilt = read_rows(&rows, "tilt", &[2])?.as_slice()?.as_chunks::<2>().0.to_vec();
+        builder = builder.tilt(tilt);
+    }
+    if known("poses")? {
+        let rows = arrays.get_item("poses")?;
+        let rows = read_rows(&rows, "poses", &[4, 4])?;
+        let poses = rows.as_slice()?.chunks_exact(16).map(pose_from_row_major);
+        builder = builder.poses(poses.collect::<Result<_, _>>().map_err(to_py)?);
+    }
+    if known("piece")? {
+        builder = builder.pieces(list("piece")?.extract()?, list("piece_labels")?.extract()?);
+    }
+    for name in list("spare_names")?.extract::<Vec<String>>()? {
+        let values = column(&format!("spare_{name}"))?;
+        builder = builder.spare(name, values);
+    }
+    builder.build().map_err(to_py)
 }
 
 /// A chain, or an arm object that has one.
@@ -453,59 +464,16 @@ pub fn py_plan<'py>(
         seed,
     };
     let pool = crate::batch::pool(threads)?;
-    let watch = Watch::default().with_time_limit(time_limit);
-    let plan = watched(py, &watch, progress, || match &pool {
-        Some(pool) => pool.install(|| plan(chain, path, &settings, &watch)),
-        None => plan(chain, path, &settings, &watch),
-    })?;
+    let watch = Watch::default().with_time_limit(time_limit).map_err(to_py)?;
+    let mut reported = None;
+    let report = |py: Python<'_>| {
+        let share = Some(watch.share()).filter(|share| reported != Some(*share));
+        reported = share.or(reported);
+        match progress.as_ref().zip(share) {
+            Some((call, share)) => call.call1(py, (share,)).map(drop),
+            None => Ok(()),
+        }
+    };
+    let plan = watched_aside(py, &watch, &pool, report, || plan(chain, path, &settings, &watch))?;
     wrapped(py, plan)
-}
-
-/// Runs `work` on another thread without the GIL. Ctrl-C cancels it, and its best result so far is the answer; an
-/// exception of `progress` cancels it too, and is raised.
-fn watched<T: Send>(
-    py: Python<'_>,
-    watch: &Watch,
-    progress: Option<Py<PyAny>>,
-    work: impl FnOnce() -> redundancy_core::Result<T> + Send,
-) -> PyResult<T> {
-    let mut stopped: Option<PyErr> = None;
-    let done = py.detach(|| {
-        std::thread::scope(|scope| {
-            let caller = std::thread::current();
-            let running = scope.spawn(move || {
-                let done = work();
-                caller.unpark();
-                done
-            });
-            let mut reported = None;
-            while !running.is_finished() {
-                std::thread::park_timeout(LOOK);
-                let share = watch.share();
-                let look = |py: Python<'_>| -> PyResult<()> {
-                    let call = progress.as_ref().filter(|_| stopped.is_none() && reported != Some(share));
-                    let seen = py
-                        .check_signals()
-                        .and_then(|()| call.map_or(Ok(()), |call| call.call1(py, (share,)).map(drop)));
-                    match seen {
-                        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
-                            watch.cancel();
-                            Ok(())
-                        }
-                        other => other,
-                    }
-                };
-                if let Err(error) = Python::attach(look) {
-                    watch.cancel();
-                    stopped = Some(error);
-                }
-                reported = Some(share);
-            }
-            running.join()
-        })
-    });
-    if let Some(error) = stopped {
-        return Err(error);
-    }
-    done.map_err(|_| to_py(Error::Invalid("the planner stopped unexpectedly".into())))?.map_err(to_py)
 }

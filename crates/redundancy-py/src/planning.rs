@@ -3,143 +3,61 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use redundancy_core::path::Trajectory;
+use redundancy_core::path::Plan;
 use redundancy_core::planning::{
-    FlowForm, FlowState, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlan, SwivelPlanSettings,
-    plan_swivel,
+    FlowForm, FlowState, SwivelChoice, SwivelFlow, SwivelFlowSettings, SwivelPlanSettings, plan_swivel,
 };
 use redundancy_core::scene::Scene;
-use redundancy_core::{Error, Status};
+use redundancy_core::{Error, Watch};
 
 use crate::convert::{Integer, read_pose, read_vector, to_array};
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::scene::PyScene;
 use crate::self_motion::{PySrsArm, signs_of};
-use crate::status::status_to_py;
+use crate::watch::watched;
 
-/// A trajectory with the swivel of each row.
-#[pyclass(name = "SwivelPlan", module = "redundancy", frozen, extends = PyTrajectory)]
-pub struct PySwivelPlan {
-    plan: SwivelPlan,
-}
+/// A plan with the swivel of each row.
+#[pyclass(name = "SwivelPlan", module = "redundancy", frozen, extends = PyPlan)]
+pub struct PySwivelPlan;
 
 #[pymethods]
 impl PySwivelPlan {
     /// Swivel of each row, rad.
     #[getter]
-    fn swivel<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.plan.swivel)
+    fn swivel<'py>(this: &Bound<'py, Self>) -> Bound<'py, PyArray1<f64>> {
+        let plan = &this.as_super().get().plan;
+        PyArray1::from_slice(this.py(), plan.spare_named("swivel").unwrap_or_default())
     }
 
     /// Signs (shoulder, elbow, wrist) of each row.
     #[getter]
-    fn branch<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let signs: Vec<[i8; 3]> = self.plan.branch.iter().map(|branch| signs_of(*branch)).collect();
-        Ok(to_array(py, signs.as_flattened(), [signs.len(), 3])?.into_any())
+    fn branch<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let pieces = this.as_super().get().plan.pieces();
+        let signs: Vec<[i8; 3]> =
+            pieces.map_or(Vec::new(), |pieces| pieces.index.iter().map(|branch| signs_of(*branch)).collect());
+        Ok(to_array(this.py(), signs.as_flattened(), [signs.len(), 3])?.into_any())
     }
 
-    /// Points before which the arm must change its configuration.
-    #[getter]
-    fn reconfigurations(&self) -> Vec<usize> {
-        self.plan.reconfigurations.clone()
-    }
-
-    /// Points without any configuration within the limits.
-    #[getter]
-    fn blocked(&self) -> Vec<usize> {
-        self.plan.blocked.clone()
-    }
-
-    /// Distance from the obstacles of each row, m; `None` without a scene.
-    #[getter]
-    fn clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let known = self.plan.clearance.len() == self.plan.q.len() && !self.plan.clearance.is_empty();
-        known.then(|| PyArray1::from_slice(py, &self.plan.clearance))
-    }
-
-    /// What the planner did.
-    #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        status_to_py(py, self.plan.status)
-    }
-
-    /// Why it is not `converged`; empty when it is.
-    #[getter]
-    fn reason(&self) -> &str {
-        &self.plan.reason
-    }
-
-    fn __repr__(&self) -> String {
-        let (rows, status) = (self.plan.q.len(), self.plan.status);
-        let reason =
-            if self.plan.reason.is_empty() { String::new() } else { format!(": {}", self.plan.reason) };
-        format!("SwivelPlan({rows} rows, {status}{reason})")
-    }
-
-    fn __eq__(this: &Bound<'_, Self>, other: &Bound<'_, PyAny>) -> bool {
-        other.cast::<Self>().is_ok_and(|other| {
-            let same = this.as_super().get().trajectory == other.as_super().get().trajectory;
-            same && this.get().plan == other.get().plan
-        })
-    }
-
-    fn __ne__(this: &Bound<'_, Self>, other: &Bound<'_, PyAny>) -> bool {
-        !Self::__eq__(this, other)
-    }
-
-    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, plan) = (this.py(), &this.get().plan);
-        let rows = Bound::new(py, PyTrajectory::from(this.as_super().get().trajectory.clone()))?;
-        let parts = (
-            rows,
-            (plan.status.as_str(), plan.reason.as_str()),
-            plan.swivel.clone(),
-            plan.branch.clone(),
-            (plan.reconfigurations.clone(), plan.obstructions.clone()),
-            plan.blocked.clone(),
-            plan.clearance.clone(),
-        );
-        Ok((py.get_type::<Self>().getattr("_from_parts")?, parts.into_pyobject(py)?))
+    fn __repr__(this: &Bound<'_, Self>) -> String {
+        format!("Swivel{}", this.as_super().get().__repr__())
     }
 
     /// Inverse of pickling.
     #[staticmethod]
-    fn _from_parts<'py>(
-        rows: &Bound<'py, PyTrajectory>,
-        outcome: (String, String),
-        swivel: Vec<f64>,
-        branch: Vec<usize>,
-        jumps: (Vec<usize>, Vec<String>),
-        blocked: Vec<usize>,
-        clearance: Vec<f64>,
-    ) -> PyResult<Bound<'py, Self>> {
-        let ((word, reason), (reconfigurations, obstructions)) = (outcome, jumps);
-        let status = Status::ALL.into_iter().find(|status| status.as_str() == word);
-        let trajectory = rows.get().trajectory.clone();
-        let (q, rest) = trajectory.q().as_chunks::<7>();
-        let consistent = rest.is_empty()
-            && trajectory.joint_names().len() == 7
-            && swivel.len() == q.len()
-            && branch.len() == q.len()
-            && branch.iter().all(|b| *b < 8)
-            && reconfigurations.len() == obstructions.len();
-        let Some(status) = status.filter(|_| consistent) else {
-            return Err(to_py(Error::Invalid("these are not the parts of a pickled SwivelPlan".into())));
-        };
-        let plan = SwivelPlan {
-            status,
-            reason,
-            q: q.to_vec(),
-            swivel,
-            branch,
-            reconfigurations,
-            obstructions,
-            blocked,
-            clearance,
-        };
-        with_trajectory(rows.py(), plan, trajectory)
+    fn _from_arrays<'py>(arrays: &Bound<'py, PyAny>) -> PyResult<Bound<'py, Self>> {
+        swivel_plan(arrays.py(), plan_of(arrays)?)
     }
+}
+
+fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> {
+    let swivels = plan.spare_named("swivel").is_some();
+    let branches = plan.pieces().is_some_and(|pieces| pieces.index.iter().all(|branch| *branch < 8));
+    if plan.trajectory().dof() != 7 || !swivels || !branches {
+        return Err(to_py(Error::Invalid("these are not the parts of a pickled SwivelPlan".into())));
+    }
+    Bound::new(py, plan_initializer(plan).add_subclass(PySwivelPlan))
 }
 
 /// Plans the swivel along a whole path.
@@ -147,7 +65,7 @@ impl PySwivelPlan {
 #[pyo3(signature = (arm, path, scene=None, cyclic=false, desired=None, wanted_clearance=None, link_radius=None,
     velocity_limits=Some("chain".into()), *, fixed=None, branch=None, margin=0.0, swivels=None, limit_weight=None,
     motion_weight=None, swivel_weight=None, clearance_weight=None, manipulability_weight=None,
-    acceleration_weight=None, progress=None))]
+    acceleration_weight=None, progress=None, time_limit=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn py_plan_swivel<'py>(
     py: Python<'py>,
@@ -170,6 +88,7 @@ pub fn py_plan_swivel<'py>(
     manipulability_weight: Option<f64>,
     acceleration_weight: Option<f64>,
     progress: Option<Py<PyAny>>,
+    time_limit: Option<f64>,
 ) -> PyResult<Bound<'py, PySwivelPlan>> {
     let swivels = swivels.map(|n| n.count("swivels", 0)).transpose()?;
     let (arm, path) = (&arm.get().arm, &path.get().path);
@@ -209,46 +128,7 @@ pub fn py_plan_swivel<'py>(
         acceleration_weight: acceleration_weight.unwrap_or(default.acceleration_weight),
         cyclic,
     };
-    let plan = with_progress(py, progress, |report| plan_swivel(arm, path, &settings, report))?;
-    let trajectory = plan.trajectory(arm.chain(), path).map_err(to_py)?;
-    with_trajectory(py, plan, trajectory)
-}
-
-fn with_trajectory<'py>(
-    py: Python<'py>,
-    plan: SwivelPlan,
-    trajectory: Trajectory,
-) -> PyResult<Bound<'py, PySwivelPlan>> {
-    let base = PyClassInitializer::from(PyTrajectory::from(trajectory));
-    Bound::new(py, base.add_subclass(PySwivelPlan { plan }))
-}
-
-/// Calls `work` without the GIL; it reports to `progress`, and stops on Ctrl-C or when `progress` raises.
-fn with_progress<T: Send>(
-    py: Python<'_>,
-    progress: Option<Py<PyAny>>,
-    work: impl FnOnce(&mut dyn FnMut(f64) -> bool) -> redundancy_core::Result<T> + Send,
-) -> PyResult<T> {
-    let mut stopped = None;
-    let done = py.detach(|| {
-        work(&mut |share| {
-            let report = |py: Python<'_>| -> PyResult<()> {
-                py.check_signals()?;
-                progress.as_ref().map_or(Ok(()), |call| call.call1(py, (share,)).map(drop))
-            };
-            match Python::attach(report) {
-                Ok(()) => true,
-                Err(error) => {
-                    stopped = Some(error);
-                    false
-                }
-            }
-        })
-    });
-    match stopped {
-        Some(error) => Err(error),
-        None => done.map_err(to_py),
-    }
+    swivel_plan(py, watched(py, progress, time_limit, |watch| plan_swivel(arm, path, &settings, watch))?)
 }
 
 /// Branch index of signs.
@@ -354,7 +234,7 @@ impl PySwivelFlow {
     }
 
     /// Along a path with times.
-    #[pyo3(signature = (path, s0, dt, *, progress=None))]
+    #[pyo3(signature = (path, s0, dt, *, progress=None, time_limit=None))]
     fn follow<'py>(
         &self,
         py: Python<'py>,
@@ -362,6 +242,7 @@ impl PySwivelFlow {
         s0: f64,
         dt: f64,
         progress: Option<Py<PyAny>>,
+        time_limit: Option<f64>,
     ) -> PyResult<Bound<'py, PySwivelPlan>> {
         let path = &path.get().path;
         let wish = self.desired.bind(py);
@@ -379,9 +260,8 @@ impl PySwivelFlow {
                 angles
             }
         };
-        let (plan, trajectory) =
-            with_progress(py, progress, |report| self.flow.follow(path, s0, dt, &desired, report))?;
-        with_trajectory(py, plan, trajectory)
+        let follow = |watch: &Watch| self.flow.follow(path, s0, dt, &desired, watch);
+        swivel_plan(py, watched(py, progress, time_limit, follow)?)
     }
 
     /// `"paper"`, `"paper_u"` or `"robust"`.

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use numpy::{Element, PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use rayon::prelude::*;
 use redundancy_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use redundancy_core::parallel::prelude::*;
 use redundancy_core::rotation::{
     self, Barrier, Cone, Constraint, CrossSection, DirectionCones, OrientationMethod, OrientationOptimizer,
     OrientationSettings, OrientationSolution, QuaternionVolume, SectionDistance, Spin,

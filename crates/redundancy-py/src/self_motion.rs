@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethod
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use redundancy_core::nalgebra::Vector3;
-use redundancy_core::solutions::{Chart, Choice, SelfMotion, SrsArm, Swivel};
+use redundancy_core::solutions::{Chart, Choice, ClosedForm, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Error, Pose};
 
 use crate::batch::in_blocks;
@@ -27,9 +27,16 @@ const SEARCH_BLOCK: usize = 512;
 #[pyclass(name = "SrsArm", module = "redundancy", frozen, eq)]
 pub struct PySrsArm {
     pub arm: SrsArm,
-    chain: Py<PyChain>,
+    pub chain: Py<PyChain>,
     chart: String,
     reference: Option<[f64; 3]>,
+}
+
+impl PySrsArm {
+    /// A recognised arm with the paper's chart.
+    pub fn from_arm(arm: SrsArm, chain: &Bound<'_, PyChain>) -> Self {
+        Self { arm, chain: chain.clone().unbind(), chart: "shortest_arc".into(), reference: None }
+    }
 }
 
 impl PartialEq for PySrsArm {
@@ -61,6 +68,18 @@ impl PySrsArm {
     #[getter]
     fn chain(&self, py: Python<'_>) -> Py<PyChain> {
         self.chain.clone_ref(py)
+    }
+
+    /// `srs`.
+    #[getter]
+    fn name(&self) -> &'static str {
+        ClosedForm::name(&self.arm)
+    }
+
+    /// `swivel`.
+    #[getter]
+    fn parameter(&self) -> Option<&'static str> {
+        self.arm.parameter()
     }
 
     /// How far the arm is from an ideal S-R-S arm: (metres, radians).
@@ -455,14 +474,24 @@ impl PyChoice {
         status_to_py(py, self.motion.status())
     }
 
-    /// Why there is none; empty when there is one.
+    /// Why there is none, or why it is not proven to be the best.
     #[getter]
     fn reason(&self) -> String {
-        self.motion.reason()
+        let reason = self.motion.reason();
+        if reason.is_empty() && !self.proven() {
+            return "the best of a dense scan of the branches, refined".into();
+        }
+        reason
+    }
+
+    /// Whether no configuration over the pose is better; without one, whether the verdict is exact.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.choice.map_or_else(|| self.motion.proven(), |c| c.proven)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let parts = self.choice.map(|c| (c.q, c.swivel, c.branch, c.value));
+        let parts = self.choice.map(|c| (c.q, c.swivel, c.branch, c.value, c.proven));
         (method_of(py, &self.motion, "_choice")?, (parts,)).into_pyobject(py)
     }
 
@@ -496,6 +525,8 @@ pub struct PyChoiceBatch {
     value: Py<PyArray1<f64>>,
     /// `(N,)` bool: there is a configuration within the limits.
     valid: Py<PyArray1<bool>>,
+    /// `(N,)` bool: no configuration over the pose is better.
+    proven: Py<PyArray1<bool>>,
 }
 
 impl PyChoiceBatch {
@@ -513,6 +544,7 @@ impl PyChoiceBatch {
             branch: to_array(py, signs.as_flattened(), [n, 3])?.unbind(),
             value: column(|c| c.value).unbind(),
             valid: PyArray1::from_iter(py, rows.iter().map(Option::is_some)).unbind(),
+            proven: PyArray1::from_iter(py, rows.iter().map(|c| c.is_some_and(|c| c.proven))).unbind(),
         })
     }
 }
@@ -526,15 +558,17 @@ impl PyChoiceBatch {
         branch: Py<PyArray2<i8>>,
         value: Py<PyArray1<f64>>,
         valid: Py<PyArray1<bool>>,
+        proven: Py<PyArray1<bool>>,
     ) -> Self {
-        Self { q, swivel, branch, value, valid }
+        Self { q, swivel, branch, value, valid, proven }
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let restore = py.get_type::<Self>().getattr("_restore")?;
         let (q, swivel, branch) =
             (self.q.clone_ref(py), self.swivel.clone_ref(py), self.branch.clone_ref(py));
-        (restore, (q, swivel, branch, self.value.clone_ref(py), self.valid.clone_ref(py))).into_pyobject(py)
+        let (valid, proven) = (self.valid.clone_ref(py), self.proven.clone_ref(py));
+        (restore, (q, swivel, branch, self.value.clone_ref(py), valid, proven)).into_pyobject(py)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
@@ -556,10 +590,16 @@ impl PySelfMotion {
         status_to_py(py, self.motion.status())
     }
 
-    /// Why no configuration holds the limits, with the number; empty when one does.
+    /// Why no configuration holds the limits, with the number, and why the verdict is not exact.
     #[getter]
     fn reason(&self) -> String {
         self.motion.reason()
+    }
+
+    /// Whether status and branches say everything.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.motion.proven()
     }
 
     /// The distinct circles.
@@ -586,8 +626,9 @@ impl PySelfMotion {
         Ok(PyBranch { motion: self.motion.clone(), index })
     }
 
-    fn _choice(&self, parts: Option<([f64; 7], f64, usize, f64)>) -> PyChoice {
-        let choice = parts.map(|(q, swivel, branch, value)| Choice { q, swivel, branch, value });
+    fn _choice(&self, parts: Option<([f64; 7], f64, usize, f64, bool)>) -> PyChoice {
+        let choice =
+            parts.map(|(q, swivel, branch, value, proven)| Choice { q, swivel, branch, value, proven });
         PyChoice { choice, motion: self.motion.clone() }
     }
 

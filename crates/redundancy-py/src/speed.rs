@@ -10,10 +10,10 @@ use redundancy_core::planning::{BarrierRule, OrientationRule, RuleKind, RuleSpin
 use redundancy_core::timing::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
 };
-use redundancy_core::{Error, Pose, pose_from_row_major};
+use redundancy_core::{Error, Pose};
 
 use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::{read_pose, read_rows, read_vector, to_array};
+use crate::convert::{read_pose, read_rotation, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::path::PyPath;
 
@@ -26,35 +26,6 @@ pub struct PyOrientationRule {
 
 const KINDS: [&str; 7] =
     ["constant", "pointing", "tilt_square", "tilt_disc", "barrier_cone", "barrier_two_cones", "barrier_spin"];
-
-/// A rotation matrix given as `(3, 3)`.
-pub fn read_rotation(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Rotation3<f64>> {
-    let rows = read_rows(object, what, &[3, 3])?;
-    let values = rows.as_slice()?;
-    if rows.batch.is_some() {
-        return Err(to_py(Error::Invalid(format!("{what}: expected one rotation (3, 3), got a batch"))));
-    }
-    let m = Matrix3::from_row_slice(values);
-    let homogeneous = [
-        m[(0, 0)],
-        m[(0, 1)],
-        m[(0, 2)],
-        0.0,
-        m[(1, 0)],
-        m[(1, 1)],
-        m[(1, 2)],
-        0.0,
-        m[(2, 0)],
-        m[(2, 1)],
-        m[(2, 2)],
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        1.0,
-    ];
-    Ok(pose_from_row_major(&homogeneous).map_err(to_py)?.rotation)
-}
 
 #[pymethods]
 impl PyOrientationRule {

@@ -18,12 +18,11 @@ use crate::chain::PyChain;
 use crate::convert::read_vector;
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::path::{PyPath, PyTrajectory};
+use crate::path::PyPath;
+use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::status::status_to_py;
 use crate::task::{PyTask, read_task};
-
-/// Steps between two looks at Ctrl-C: some milliseconds.
-const BLOCK: usize = 4096;
+use crate::watch::watched;
 
 /// When and how strongly small singular values are damped.
 #[pyclass(name = "Damping", module = "redundancy", frozen, eq, get_all)]
@@ -492,8 +491,8 @@ type StepParts = (
     Vec<(usize, String, bool)>,
 );
 
-/// A trajectory that followed a path in closed loop.
-#[pyclass(name = "Track", module = "redundancy", frozen, extends = PyTrajectory)]
+/// A plan that followed a path in closed loop.
+#[pyclass(name = "Track", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyTrack {
     position_error: f64,
     orientation_error: f64,
@@ -513,36 +512,39 @@ impl PyTrack {
         self.orientation_error
     }
 
-    /// What the run did: always `converged`, since a run that is stopped raises.
-    #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        status_to_py(py, Status::Converged)
+    fn __repr__(this: &Bound<'_, Self>) -> String {
+        let (plan, own) = (&this.as_super().get().plan, this.get());
+        let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
+        let (position, orientation) = (own.position_error, own.orientation_error);
+        format!(
+            "Track({} rows, {}, off by at most {position:.3e} m and {orientation:.3e} rad{reason})",
+            plan.rows(),
+            plan.status()
+        )
     }
 
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let py = this.py();
-        let trajectory = PyTrajectory { trajectory: this.as_super().get().trajectory.clone() };
-        let track = this.get();
-        let arguments = (trajectory, track.position_error, track.orientation_error).into_pyobject(py)?;
-        Ok((py.get_type::<Self>().getattr("_make")?, arguments))
+        let (own, arrays) = (this.get(), PyPlan::everything(this.as_super())?);
+        let arguments = (arrays, own.position_error, own.orientation_error);
+        Ok((this.get_type().getattr("_make")?, arguments.into_pyobject(this.py())?))
     }
 
     /// Inverse of pickling.
     #[staticmethod]
     fn _make<'py>(
-        trajectory: &Bound<'py, PyTrajectory>,
+        arrays: &Bound<'py, PyAny>,
         position_error: f64,
         orientation_error: f64,
     ) -> PyResult<Bound<'py, Self>> {
-        let base = PyTrajectory { trajectory: trajectory.get().trajectory.clone() };
+        let plan = plan_of(arrays)?;
         let track = Self { position_error, orientation_error };
-        Bound::new(trajectory.py(), PyClassInitializer::from(base).add_subclass(track))
+        Bound::new(arrays.py(), plan_initializer(plan).add_subclass(track))
     }
 }
 
 /// Follows a path in closed loop with a velocity scheme.
 #[pyfunction(name = "track")]
-#[pyo3(signature = (chain, resolver, path, q0, dt, feedback=5.0))]
+#[pyo3(signature = (chain, resolver, path, q0, dt, feedback=5.0, *, tolerance=None, progress=None, time_limit=None))]
 pub fn py_track<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
@@ -551,6 +553,9 @@ pub fn py_track<'py>(
     q0: &Bound<'py, PyAny>,
     dt: f64,
     feedback: f64,
+    tolerance: Option<(f64, f64)>,
+    progress: Option<Py<PyAny>>,
+    time_limit: Option<f64>,
 ) -> PyResult<Bound<'py, PyTrack>> {
     let resolver = resolver.get().lock().boxed();
     if chain.get().chain != *resolver.chain() {
@@ -559,25 +564,13 @@ pub fn py_track<'py>(
         return Err(to_py(Error::Invalid(message)));
     }
     let q0 = read_vector(q0, "q0", None)?;
-    let settings = TrackSettings { dt, feedback, block: BLOCK };
-    let path = path.get();
-    let mut interrupt = None;
-    let done: redundancy_core::Result<Track> =
-        py.detach(|| {
-            track(&*resolver, &path.path, &q0, &settings, &mut |_| match Python::attach(|py| {
-                py.check_signals()
-            }) {
-                Ok(()) => true,
-                Err(error) => {
-                    interrupt = Some(error);
-                    false
-                }
-            })
-        });
-    if let Some(error) = interrupt {
-        return Err(error);
+    let mut settings = TrackSettings::new(dt, feedback);
+    if let Some(tolerance) = tolerance {
+        (settings.position_tolerance, settings.orientation_tolerance) = tolerance;
     }
-    let done = done.map_err(to_py)?;
-    let track = PyTrack { position_error: done.position_error, orientation_error: done.orientation_error };
-    Bound::new(py, PyClassInitializer::from(PyTrajectory::from(done.trajectory)).add_subclass(track))
+    let path = &path.get().path;
+    let done = watched(py, progress, time_limit, |watch| track(&*resolver, path, &q0, &settings, watch))?;
+    let Track { plan, position_error, orientation_error } = done;
+    let track = PyTrack { position_error, orientation_error };
+    Bound::new(py, plan_initializer(plan).add_subclass(track))
 }

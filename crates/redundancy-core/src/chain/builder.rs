@@ -7,7 +7,7 @@ use nalgebra::{Unit, Vector3};
 use super::chain::{Chain, Link};
 use super::joint::{Inertia, Joint, JointKind, Limits};
 use crate::error::{Error, Result, check_finite};
-use crate::pose::{Pose, check_pose};
+use crate::pose::{Pose, checked_pose};
 use crate::tolerance::{DIRECTION_NORM, UNIT_AXIS};
 
 /// Collects joints and links from base to tip; [`build`](Self::build) checks them all.
@@ -176,11 +176,11 @@ impl ChainBuilder {
         }
         unique("joint", self.joints.iter().map(|j| &j.name))?;
         unique("link", self.links.iter().map(|l| &l.name))?;
-        check_pose("base", &self.base)?;
-        check_pose("tool", &self.tool)?;
+        let base = checked_pose("base", &self.base)?;
+        let tool = checked_pose("tool", &self.tool)?;
         let mut joints = Vec::with_capacity(self.joints.len());
         for Pending { name, kind, placement, axis, mut limits } in self.joints {
-            check_pose(&format!("placement of joint '{name}'"), &placement)?;
+            let placement = checked_pose(&format!("placement of joint '{name}'"), &placement)?;
             let axis = checked_axis(&name, axis)?;
             if kind == JointKind::Continuous {
                 (limits.lower, limits.upper) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -188,8 +188,9 @@ impl ChainBuilder {
             limits.validate(&name)?;
             joints.push(Joint { name, kind, placement, axis, limits });
         }
-        for link in &self.links {
-            check_pose(&format!("frame of link '{}'", link.name), &link.offset)?;
+        let mut links = self.links;
+        for link in &mut links {
+            link.offset = checked_pose(&format!("frame of link '{}'", link.name), &link.offset)?;
         }
         if let Some(inertias) = &self.inertias {
             if inertias.len() != joints.len() {
@@ -200,12 +201,11 @@ impl ChainBuilder {
                 inertia.validate(&format!("after joint {}", joint.name))?;
             }
         }
-        let mut links = self.links;
         if links.last().is_none_or(|l| l.joints_before < joints.len()) {
             let name = format!("link{}", joints.len());
             links.push(Link { name, joints_before: joints.len(), offset: Pose::identity() });
         }
-        Ok(Chain::assemble(self.name, joints, links, self.inertias, self.base, self.tool))
+        Ok(Chain::assemble(self.name, joints, links, self.inertias, base, tool))
     }
 }
 

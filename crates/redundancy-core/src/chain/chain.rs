@@ -152,7 +152,7 @@ impl Chain {
     /// # Errors
     /// None for a valid pose; the signature leaves room for validation of the caller's numbers.
     pub fn with_tool(&self, tool: Pose) -> Result<Self> {
-        crate::pose::check_pose("tool", &tool)?;
+        let tool = crate::pose::checked_pose("tool", &tool)?;
         Ok(self.changed(|inner| inner.tool = tool))
     }
 
@@ -161,7 +161,7 @@ impl Chain {
     /// # Errors
     /// A pose with entries that are not finite or not orthonormal.
     pub fn with_base(&self, base: Pose) -> Result<Self> {
-        crate::pose::check_pose("base", &base)?;
+        let base = crate::pose::checked_pose("base", &base)?;
         Ok(self.changed(|inner| inner.base = base))
     }
 
@@ -186,6 +186,11 @@ impl Chain {
                 }
             }
         }))
+    }
+
+    /// Only for callers that have validated the bodies, one per joint.
+    pub(super) fn with_inertias(&self, inertias: Vec<Inertia>) -> Self {
+        self.changed(|inner| inner.inertias = Some(inertias))
     }
 
     /// Index of a named frame.

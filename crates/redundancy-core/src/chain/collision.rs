@@ -1,11 +1,15 @@
 //! Primitive collision geometry of a URDF: spheres, cylinders, capsules and boxes of the links of a chain.
 
-use std::collections::HashSet;
+#[cfg(feature = "urdf")]
+use std::collections::{HashSet, VecDeque};
+#[cfg(feature = "urdf")]
 use std::path::Path;
 
+#[cfg(feature = "urdf")]
 use roxmltree::Node;
 
 use super::chain::Chain;
+#[cfg(feature = "urdf")]
 use super::urdf::{self, Tree, Version, attribute, bad, element, elements, numbers, parse, placed};
 use crate::error::{Error, Result};
 use crate::pose::Pose;
@@ -51,6 +55,7 @@ pub struct CollisionBody {
     pub shape: CollisionShape,
 }
 
+#[cfg(feature = "urdf")]
 impl Chain {
     /// The primitive collision geometry that a URDF file gives to the moving links of this chain, which was read from it
     /// (or has links of the same names).
@@ -114,25 +119,31 @@ impl Chain {
         })
     }
 
-    /// The link of the chain that a link of the document is or is fixed to, and its pose in it.
+    /// The link of the chain that a link of the document is or is fixed to, above or below it, and its pose in it.
     fn carrier(&self, tree: &Tree<'_, '_>, link: usize, version: Version) -> Result<Option<(usize, Pose)>> {
-        let (mut link, mut at) = (link, Pose::identity());
-        for _ in 0..=tree.links.len() {
+        // The pose of the link in the links fixed to it, nearest first; upwards before downwards.
+        let (mut open, mut known) = (VecDeque::from([(link, Pose::identity())]), HashSet::from([link]));
+        while let Some((link, at)) = open.pop_front() {
             let name = tree.links[link].0;
             if let Some(on) = self.links().iter().position(|known| known.name == name) {
                 return Ok(Some((on, at)));
             }
-            let Some(joint) = tree.above[link].map(|joint| &tree.joints[joint]) else { break };
-            if joint.kind != "fixed" {
-                break;
+            for joint in tree.above[link].iter().chain(&tree.below[link]) {
+                let joint = &tree.joints[*joint];
+                let upwards = joint.child == link;
+                let beyond = if upwards { joint.parent } else { joint.child };
+                if joint.kind != "fixed" || !known.insert(beyond) {
+                    continue;
+                }
+                let origin = origin(joint.node, &format!("joint '{}'", joint.name), version)?;
+                open.push_back((beyond, if upwards { origin * at } else { origin.inv_mul(&at) }));
             }
-            at = origin(joint.node, &format!("joint '{}'", joint.name), version)? * at;
-            link = joint.parent;
         }
         Ok(None)
     }
 }
 
+#[cfg(feature = "urdf")]
 /// The pose in `<origin>`; the identity without one.
 fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     let Some(element) = element(node, "origin") else { return Ok(Pose::identity()) };
@@ -143,6 +154,7 @@ fn origin(node: Node, what: &str, version: Version) -> Result<Pose> {
     placed(values("xyz")?, values("rpy")?, node, &what, version)
 }
 
+#[cfg(feature = "urdf")]
 fn shape(collision: Node, what: &str) -> Result<CollisionShape> {
     let geometry = element(collision, "geometry").ok_or_else(|| bad(format!("{what} has no <geometry>")))?;
     let Some(node) = geometry.children().find(Node::is_element) else {
@@ -178,6 +190,7 @@ fn shape(collision: Node, what: &str) -> Result<CollisionShape> {
     }
 }
 
+#[cfg(feature = "urdf")]
 fn positive(what: &str, value: f64) -> Result<f64> {
     if value > 0.0 {
         return Ok(value);

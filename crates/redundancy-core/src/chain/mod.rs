@@ -5,6 +5,7 @@
 //! URDF ([`urdf`]) or from the compiled-in [`catalog`].
 
 pub mod catalog;
+#[cfg(feature = "urdf")]
 pub mod urdf;
 
 mod builder;
@@ -12,13 +13,16 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod extend;
 mod joint;
+mod windings;
 
 pub use builder::ChainBuilder;
 pub use chain::{Chain, Link};
 pub use collision::{CollisionBody, CollisionShape};
 pub use dh::{DhConvention, DhRow};
 pub use joint::{Inertia, Joint, JointKind, Limits};
+#[cfg(feature = "urdf")]
 pub use urdf::MissingLimits;
 
 pub(crate) use chain::{Body, Step, axis_onto_z};

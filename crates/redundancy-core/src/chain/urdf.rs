@@ -4,14 +4,22 @@
 //! `fixed` joints are folded into the placements, everything beside the way is left out. Numbers are used as they
 //! are, never snapped to right angles or round lengths.
 //!
+//! # Up and down the tree
+//! The base need not be an ancestor of the tip: the chain runs from the base up to their common ancestor and down to
+//! the tip (from the top of a turntable to a tool, from one hand to the other). A joint of the document takes its
+//! parent to its child by `O M(a, q)`, with the origin `O` and the motion `M` about or along the axis `a`. Crossed
+//! from child to parent it is the inverse, `M(a, q)^-1 O^-1 = M(-a, q) O^-1`: a joint at the frame of the child, with
+//! the opposite axis and the same `q`, followed by `O^-1`. So every joint keeps its name, the sign of its position
+//! and its limits, whichever way it is crossed. Each body goes with the joint that comes before it on the way.
+//!
 //! # What the format leaves open
 //! - A missing `<origin>` is the identity, a missing `<axis>` is x, missing `lower` and `upper` in a `<limit>` are 0
 //!   (no limit in URDF 1.2). A velocity or effort of 0 means that there is none.
 //! - A revolute or prismatic joint without `<limit>` is refused by name, or has no limits on demand
 //!   ([`MissingLimits`]).
 //! - `mimic`, `floating` and `planar` joints on the way are refused by name: their motion is not one free coordinate.
-//! - The inertia of a moving body is that of its link and of all links fixed to it, also beside the way. What hangs
-//!   on further moving joints beside the way (the fingers of a gripper) is not counted.
+//! - The inertia of a moving body is that of its link and of all links fixed to it, also beside the way and above it.
+//!   What hangs on further moving joints beside the way (the fingers of a gripper) is not counted.
 //!
 //! # Safety
 //! A file is untrusted. roxmltree reads the document first: it does not recurse, and it refuses document type
@@ -47,7 +55,7 @@ pub enum MissingLimits {
 }
 
 impl Chain {
-    /// A chain from a URDF file, from link `base` to link `tip`.
+    /// A chain from a URDF file, from link `base` to link `tip`, over their common ancestor.
     ///
     /// `base` may be left out when there is one root (or one above `tip`), `tip` when there is one leaf (below
     /// `base`).
@@ -68,7 +76,7 @@ impl Chain {
     ///
     /// # Errors
     /// Text that is not well-formed XML or has a document type definition; a root other than `<robot>`; an unknown
-    /// link (the message lists the names); no way from `base` to `tip`; a link with two parents; a cycle; joints on
+    /// link (the message lists the names); no common ancestor of `base` and `tip` (the message names both roots); a link with two parents; a cycle; joints on
     /// the way that mimic, float or move in a plane; names used twice; missing or inverted limits; numbers that are
     /// missing, broken or not finite; an axis without length.
     ///
@@ -180,14 +188,14 @@ pub(super) struct Tree<'a, 'x> {
     /// For each link the joint above it.
     pub above: Vec<Option<usize>>,
     /// For each link the joints below it.
-    below: Vec<Vec<usize>>,
+    pub below: Vec<Vec<usize>>,
 }
 
 pub(super) struct JointNode<'a, 'x> {
     pub name: &'a str,
     pub kind: &'a str,
     pub parent: usize,
-    child: usize,
+    pub child: usize,
     pub node: Node<'a, 'x>,
 }
 
@@ -207,9 +215,7 @@ impl<'a, 'x: 'a> Tree<'a, 'x> {
             links.push((name, node));
         }
         if links.is_empty() {
-            let xacro = robot.children().any(|n| n.is_element() && n.tag_name().namespace().is_some());
-            let hint = if xacro { "; is it a xacro that must be expanded first?" } else { "" };
-            return Err(bad(format!("<robot> has no <link>{hint}")));
+            return Err(bad(format!("<robot> has no <link>{}", xacro_hint(robot))));
         }
         let mut joints = Vec::new();
         let (mut above, mut below) = (vec![None; links.len()], vec![Vec::new(); links.len()]);
@@ -240,8 +246,8 @@ impl<'a, 'x: 'a> Tree<'a, 'x> {
         Ok(Self { robot, links, joints, above, below })
     }
 
-    /// The joints from `base` to `tip`.
-    fn way(&self, base: Option<&str>, tip: Option<&str>) -> Result<Vec<usize>> {
+    /// The joints from `base` up to the common ancestor and down to `tip`.
+    fn way(&self, base: Option<&str>, tip: Option<&str>) -> Result<Vec<Crossing>> {
         let base = base.map(|name| self.link(name)).transpose()?;
         let tip = tip.map(|name| self.link(name)).transpose()?;
         let (base, tip) = match (base, tip) {
@@ -253,25 +259,43 @@ impl<'a, 'x: 'a> Tree<'a, 'x> {
             }
         };
         if base == Some(tip) {
-            return Err(bad(format!("base and tip are the same link '{}'", self.links[tip].0)));
+            let hint = xacro_hint(self.robot);
+            return Err(bad(format!("base and tip are the same link '{}'{hint}", self.links[tip].0)));
         }
-        let (mut way, mut link) = (Vec::new(), tip);
-        while base != Some(link) {
-            let Some(joint) = self.above[link] else {
-                let Some(base) = base else { break };
-                let (from, to, root) = (self.links[base].0, self.links[tip].0, self.links[link].0);
-                return Err(bad(format!(
-                    "no way from base '{from}' to tip '{to}': upwards from '{to}' the joints lead to '{root}'"
-                )));
-            };
-            if way.len() == self.links.len() {
-                return Err(bad(format!("the joints above link '{}' form a cycle", self.links[tip].0)));
+        let mut down = self.joints_above(tip)?;
+        let Some(base) = base else {
+            return Ok(down.into_iter().rev().map(|joint| Crossing { joint, upwards: false }).collect());
+        };
+        let mut up = self.joints_above(base)?;
+        let root = |link: usize, joints: &[usize]| joints.last().map_or(link, |j| self.joints[*j].parent);
+        let roots = (root(base, &up), root(tip, &down));
+        if roots.0 != roots.1 {
+            let [base, tip, first, second] = [base, tip, roots.0, roots.1].map(|link| self.links[link].0);
+            return Err(bad(format!(
+                "no way from base '{base}' to tip '{tip}': they have no common ancestor, the root above '{base}' is \
+                 '{first}', the root above '{tip}' is '{second}'"
+            )));
+        }
+        while up.last().is_some() && up.last() == down.last() {
+            up.pop();
+            down.pop();
+        }
+        let up = up.into_iter().map(|joint| Crossing { joint, upwards: true });
+        let down = down.into_iter().rev().map(|joint| Crossing { joint, upwards: false });
+        Ok(up.chain(down).collect())
+    }
+
+    /// The joints from a link to its root.
+    fn joints_above(&self, link: usize) -> Result<Vec<usize>> {
+        let (mut joints, mut at) = (Vec::new(), link);
+        while let Some(joint) = self.above[at] {
+            if joints.len() == self.links.len() {
+                return Err(bad(format!("the joints above link '{}' form a cycle", self.links[link].0)));
             }
-            way.push(joint);
-            link = self.joints[joint].parent;
+            joints.push(joint);
+            at = self.joints[joint].parent;
         }
-        way.reverse();
-        Ok(way)
+        Ok(joints)
     }
 
     fn link(&self, name: &str) -> Result<usize> {
@@ -304,6 +328,12 @@ impl<'a, 'x: 'a> Tree<'a, 'x> {
         }
         leaves.sort_unstable();
         match leaves[..] {
+            [leaf] if leaf == base => {
+                let (name, hint) = (self.links[base].0, xacro_hint(self.robot));
+                Err(bad(format!(
+                    "no link is below base '{name}': name the tip to which the chain leads{hint}"
+                )))
+            }
             [leaf] => Ok(leaf),
             [] => Err(bad(format!("the joints below link '{}' form a cycle", self.links[base].0))),
             _ => Err(bad(format!("tip is needed, there are several leaves: {}", self.names(&leaves)))),
@@ -316,78 +346,71 @@ impl<'a, 'x: 'a> Tree<'a, 'x> {
     }
 }
 
+/// Asks about a document whose elements belong to another vocabulary.
+fn xacro_hint(robot: Node) -> &'static str {
+    let xacro = robot.children().any(|n| n.is_element() && n.tag_name().namespace().is_some());
+    if xacro { "; is it a xacro that must be expanded first?" } else { "" }
+}
+
+/// A joint on the way, and the direction in which it is crossed.
+#[derive(Clone, Copy)]
+struct Crossing {
+    joint: usize,
+    /// From child to parent.
+    upwards: bool,
+}
+
+impl Crossing {
+    /// The links before and after it.
+    fn ends(self, tree: &Tree) -> (usize, usize) {
+        let JointNode { parent, child, .. } = tree.joints[self.joint];
+        if self.upwards { (child, parent) } else { (parent, child) }
+    }
+}
+
 /// What of a document makes the chain, checked.
 struct Selection {
-    /// Joints from base to tip.
-    way: Vec<usize>,
-    /// Joints and links that are handed to urdf-rs, in this order.
-    joints: Vec<usize>,
+    /// How many of the joints lead from base to tip; the rest carries what is fixed to the moving bodies.
+    on_way: usize,
+    /// Joints and links that are handed to urdf-rs, in this order; the joint with index i leads to the link i + 1.
+    joints: Vec<Crossing>,
     links: Vec<usize>,
     /// Per joint of the way: whether it has a `<limit>`.
     limited: Vec<bool>,
 }
 
 impl Selection {
-    fn new(tree: &Tree, way: Vec<usize>, missing_limits: MissingLimits) -> Result<Self> {
+    fn new(tree: &Tree, way: Vec<Crossing>, missing_limits: MissingLimits) -> Result<Self> {
         let mut names = HashSet::new();
         let mut limited = Vec::with_capacity(way.len());
-        for joint in &way {
-            let joint = &tree.joints[*joint];
-            let name = joint.name;
-            if !names.insert(name) {
-                return Err(bad(format!("joint name '{name}' is used twice in the chain")));
+        for crossing in &way {
+            let joint = &tree.joints[crossing.joint];
+            if !names.insert(joint.name) {
+                return Err(bad(format!("joint name '{}' is used twice in the chain", joint.name)));
             }
-            match joint.kind {
-                "revolute" | "continuous" | "prismatic" | "fixed" => {}
-                "floating" | "planar" | "spherical" => {
-                    let kind = joint.kind;
-                    return Err(bad(format!(
-                        "joint '{name}' is {kind}: a chain has joints with one freedom only"
-                    )));
-                }
-                other => {
-                    let valid = "revolute, continuous, prismatic, fixed";
-                    return Err(bad(format!(
-                        "joint '{name}' has the unknown type '{other}', expected one of: {valid}"
-                    )));
-                }
-            }
-            if joint.kind != "fixed" && element(joint.node, "mimic").is_some() {
-                return Err(bad(format!(
-                    "joint '{name}' mimics another joint: it cannot be moved by itself"
-                )));
-            }
-            let limit = element(joint.node, "limit");
-            if limit.is_none()
-                && matches!(joint.kind, "revolute" | "prismatic")
-                && missing_limits == MissingLimits::Refuse
-            {
-                let kind = joint.kind;
-                return Err(bad(format!(
-                    "joint '{name}' is {kind} but has no <limit>; ask for missing_limits=\"unbounded\" to take it \
-                     without limits"
-                )));
-            }
-            limited.push(limit.is_some());
+            limited.push(check_joint(joint, missing_limits)?);
         }
-        // The bodies: links on the way, and whatever is fixed to those that move.
-        let mut links: Vec<usize> = way.first().map(|joint| tree.joints[*joint].parent).into_iter().collect();
-        links.extend(way.iter().map(|joint| tree.joints[*joint].child));
-        let on_way: HashSet<usize> = links.iter().copied().collect();
+        // The bodies: links on the way, and whatever is fixed to those that move, above or below.
+        let mut links: Vec<usize> = way.first().map(|crossing| crossing.ends(tree).0).into_iter().collect();
+        links.extend(way.iter().map(|crossing| crossing.ends(tree).1));
+        let mut known: HashSet<usize> = links.iter().copied().collect();
         let mut joints = way.clone();
-        let standing = way.iter().take_while(|joint| tree.joints[**joint].kind == "fixed").count();
+        let fixed = |crossing: &Crossing| tree.joints[crossing.joint].kind == "fixed";
+        let standing = way.iter().take_while(|crossing| fixed(crossing)).count();
         let mut next = standing + 1;
-        while let Some(link) = links.get(next) {
+        while let Some(link) = links.get(next).copied() {
             next += 1;
-            for joint in &tree.below[*link] {
-                let child = tree.joints[*joint].child;
-                if tree.joints[*joint].kind == "fixed" && !on_way.contains(&child) {
-                    joints.push(*joint);
-                    links.push(child);
+            let below = tree.below[link].iter().map(|joint| Crossing { joint: *joint, upwards: false });
+            let above = tree.above[link].map(|joint| Crossing { joint, upwards: true });
+            for crossing in below.chain(above).filter(fixed) {
+                let beyond = crossing.ends(tree).1;
+                if known.insert(beyond) {
+                    joints.push(crossing);
+                    links.push(beyond);
                 }
             }
         }
-        Ok(Self { way, joints, links, limited })
+        Ok(Self { on_way: way.len(), joints, links, limited })
     }
 
     /// The selection as a small URDF with indices for names and numbers that are known to parse.
@@ -404,8 +427,8 @@ impl Selection {
         }
         let position: HashMap<usize, usize> =
             self.links.iter().enumerate().map(|(i, link)| (*link, i)).collect();
-        for (i, joint) in self.joints.iter().enumerate() {
-            let JointNode { name, kind, parent, child, node } = &tree.joints[*joint];
+        for (i, crossing) in self.joints.iter().enumerate() {
+            let JointNode { name, kind, parent, child, node } = &tree.joints[crossing.joint];
             let what = format!("joint '{name}'");
             let end = |link| position.get(link).copied().unwrap_or_default();
             let _ = write!(
@@ -448,15 +471,23 @@ impl Selection {
         // Per link of the selection: how many joints move it, and its pose in the frame that they move.
         let mut placed = vec![(0, Pose::identity()); self.links.len()];
         let mut moving = 0;
-        for (i, joint) in self.joints.iter().enumerate() {
-            let JointNode { name, child, node, .. } = &tree.joints[*joint];
+        for (i, crossing) in self.joints.iter().enumerate() {
+            let JointNode { name, node, .. } = &tree.joints[crossing.joint];
             let parsed = &robot.joints[i];
             let ends = |link: &str| link.parse::<usize>().ok().filter(|link| *link < placed.len());
-            let (Some(from), Some(to)) = (ends(&parsed.parent.link), ends(&parsed.child.link)) else {
+            let (Some(parent), Some(child)) = (ends(&parsed.parent.link), ends(&parsed.child.link)) else {
                 return Err(bad(format!("urdf-rs lost the links of joint '{name}'")));
             };
+            let (from, to) = if crossing.upwards { (child, parent) } else { (parent, child) };
             let (before, carry) = placed[from];
-            let at = carry * transform(&parsed.origin, *node, version)?;
+            let origin = transform(&parsed.origin, *node, version)?;
+            let axis = Vector3::from(*parsed.axis.xyz);
+            // Placement, axis, and what follows the motion.
+            let (at, axis, after) = match crossing.upwards {
+                false => (carry * origin, axis, Pose::identity()),
+                // Subtracted from zero, so that no entry becomes -0.
+                true => (carry, Vector3::zeros() - axis, origin.inverse()),
+            };
             let kind = match parsed.joint_type {
                 urdf_rs::JointType::Revolute => Some(JointKind::Revolute),
                 urdf_rs::JointType::Continuous => Some(JointKind::Continuous),
@@ -464,16 +495,16 @@ impl Selection {
                 _ => None,
             };
             placed[to] = match kind {
-                None => (before, at),
+                None => (before, at * after),
                 Some(kind) => {
                     moving += 1;
                     let limits = limits(&parsed.limit, kind, self.limited.get(i) == Some(&true));
-                    builder = builder.joint(*name, kind, at, Vector3::from(*parsed.axis.xyz), limits);
-                    (moving, Pose::identity())
+                    builder = builder.joint(*name, kind, at, axis, limits);
+                    (moving, after)
                 }
             };
-            if i < self.way.len() {
-                builder = builder.link(tree.links[*child].0, placed[to].1);
+            if i < self.on_way {
+                builder = builder.link(tree.links[self.links[to]].0, placed[to].1);
             }
         }
         // Bodies: everything that moves with a joint, seen from the frame that it moves.
@@ -492,6 +523,35 @@ impl Selection {
         }
         builder.build()
     }
+}
+
+/// Refuses what a chain cannot have on its way; whether the joint has a `<limit>`.
+fn check_joint(joint: &JointNode, missing_limits: MissingLimits) -> Result<bool> {
+    let JointNode { name, kind, node, .. } = joint;
+    match *kind {
+        "revolute" | "continuous" | "prismatic" | "fixed" => {}
+        "floating" | "planar" | "spherical" => {
+            return Err(bad(format!("joint '{name}' is {kind}: a chain has joints with one freedom only")));
+        }
+        other => {
+            let valid = "revolute, continuous, prismatic, fixed";
+            return Err(bad(format!(
+                "joint '{name}' has the unknown type '{other}', expected one of: {valid}"
+            )));
+        }
+    }
+    if *kind != "fixed" && element(*node, "mimic").is_some() {
+        return Err(bad(format!("joint '{name}' mimics another joint: it cannot be moved by itself")));
+    }
+    let limit = element(*node, "limit");
+    if limit.is_none() && matches!(*kind, "revolute" | "prismatic") && missing_limits == MissingLimits::Refuse
+    {
+        return Err(bad(format!(
+            "joint '{name}' is {kind} but has no <limit>; ask for missing_limits=\"unbounded\" to take it without \
+             limits"
+        )));
+    }
+    Ok(limit.is_some())
 }
 
 /// Version of the format; missing or malformed is 1.0, as in urdfdom.

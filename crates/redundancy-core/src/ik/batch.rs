@@ -1,9 +1,8 @@
-//! Many poses at once: spread over rayon's current pool, the same bits whatever the number of threads.
-
-use rayon::prelude::*;
+//! Many poses at once: spread over the current pool, the same bits whatever the number of threads.
 
 use super::solver::{IkResult, IkSolver};
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::parallel::prelude::*;
 use crate::pose::pose_from_row_major;
 use crate::solutions::at;
 use crate::status::Status;
@@ -24,6 +23,8 @@ pub struct IkBatch<'a> {
     pub position_error: &'a mut [f64],
     /// Angles from the targets, rad.
     pub orientation_error: &'a mut [f64],
+    /// Whether each status is exact.
+    pub proven: &'a mut [bool],
 }
 
 impl IkSolver {
@@ -43,8 +44,13 @@ impl IkSolver {
         let (rows, n) = (poses.len() / 16, self.chain().dof());
         check_length("poses", poses, rows * 16)?;
         check_length("q", out.q, rows * n)?;
-        let lengths =
-            [out.status.len(), out.iterations.len(), out.position_error.len(), out.orientation_error.len()];
+        let lengths = [
+            out.status.len(),
+            out.iterations.len(),
+            out.position_error.len(),
+            out.orientation_error.len(),
+            out.proven.len(),
+        ];
         if let Some(actual) = lengths.into_iter().find(|length| *length != rows) {
             return Err(Error::Length { what: "results".into(), expected: rows, actual });
         }
@@ -58,17 +64,18 @@ impl IkSolver {
         out.q
             .par_chunks_exact_mut(n)
             .zip(&mut *out.status)
+            .zip(&mut *out.proven)
             .zip(numbers)
             .zip(poses.as_chunks::<16>().0)
             .enumerate()
             .with_min_len(TASK)
             .try_for_each_init(
                 || (self.memory(), IkResult::new(n)),
-                |(memory, result), (i, (((q, status), ((iterations, position), orientation)), pose))| {
+                |(memory, result), (i, ((((q, status), proven), ((iterations, position), orientation)), pose))| {
                     let pose = pose_from_row_major(pose).map_err(at(i))?;
                     self.solve_unchecked(&pose, start(i), seed, memory, result);
                     q.copy_from_slice(&result.q);
-                    *status = result.status;
+                    (*status, *proven) = (result.status, result.proven);
                     *iterations = u32::try_from(result.iterations).unwrap_or(u32::MAX);
                     (*position, *orientation) = (result.position_error, result.orientation_error);
                     Ok(())

@@ -20,10 +20,11 @@ use super::newton::{End, Run};
 use super::sinusoid::{CostWeights, HalfAngle, Sinusoid};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::joint_space::{TURN, other_way};
 use crate::kinematics::{PoseError, Scratch};
 use crate::pose::Pose;
 use crate::tolerance::{DESCENT_STALL, LINE_SEARCH_FALL};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Joint moves between two forward passes that take out the rounding of incremental rotations.
 const REFRESH: usize = 16;
@@ -323,9 +324,9 @@ impl State<'_> {
                     to = UnitQuaternion::new_unchecked(-to.into_inner());
                 }
                 let all = HalfAngle::of_quaternions(axis, &from, &to, weights.orientation, &whole);
-                let (psi, fall) = all.minimum_within(low.max(-TAU), high.min(TAU));
+                let (psi, fall) = all.minimum_within(low.max(-TURN), high.min(TURN));
                 // Beyond half a turn the other way round is shorter, where the limits allow it.
-                let other = psi - TAU.copysign(psi);
+                let other = other_way(psi, TURN);
                 let psi = if psi.abs() > PI && other >= low && other <= high { other } else { psi };
                 Best { psi, fall, slope: all.whole.sin + 0.5 * all.half_sin }
             }

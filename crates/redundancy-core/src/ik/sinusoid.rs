@@ -17,8 +17,9 @@
 //! `z = exp(i psi / 2)`. A sliding joint gives a quadratic.
 
 use nalgebra::{Complex, Matrix4, Rotation3, Schur, UnitQuaternion, Vector3};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
+use crate::joint_space::{TURN, other_way, wrap_over};
 use crate::pose::Pose;
 use crate::tolerance::{HALF_ANGLE_FLAT, HALF_ANGLE_ROOT};
 
@@ -70,7 +71,7 @@ impl Sinusoid {
             return (0.0, 0.0);
         }
         let psi = (-self.sin).atan2(-self.cos);
-        let windings = [psi, psi - TAU.copysign(psi)];
+        let windings = [psi, other_way(psi, TURN)];
         for wound in windings {
             if wound >= lower && wound <= upper {
                 return (wound, self.decrease());
@@ -192,13 +193,13 @@ impl HalfAngle {
             // 2 turns hold one minimum and one maximum.
             let psi = 2.0 * (-d).atan2(-c);
             visit(self.polished(psi));
-            visit(self.polished(if psi > 0.0 { psi - TAU } else { psi + TAU }));
+            visit(self.polished(if psi > 0.0 { psi - TURN } else { psi + TURN }));
             return;
         }
         if half <= HALF_ANGLE_FLAT * whole {
             let psi = (-b).atan2(-a);
-            for turn in [0.0, PI, TAU, -PI] {
-                visit(self.polished(principal_over_two_turns(psi + turn)));
+            for turn in [0.0, PI, TURN, -PI] {
+                visit(self.polished(wrap_over(psi + turn, TWO_TURNS)));
             }
             return;
         }
@@ -236,7 +237,7 @@ impl HalfAngle {
             }
             (psi, slope, curvature) = (next, s, k);
         }
-        principal_over_two_turns(psi)
+        wrap_over(psi, TWO_TURNS)
     }
 
     /// Where it is least over two turns, and its value; 0 for a constant.
@@ -268,7 +269,7 @@ impl HalfAngle {
         }
         self.each_stationary(|psi| {
             let value = self.at(psi);
-            for wound in [psi, psi - 2.0 * TAU.copysign(psi)] {
+            for wound in [psi, other_way(psi, TWO_TURNS)] {
                 offer(wound, value);
             }
         });
@@ -276,11 +277,8 @@ impl HalfAngle {
     }
 }
 
-fn principal_over_two_turns(psi: f64) -> f64 {
-    let turn = 2.0 * TAU;
-    let wrapped = psi - turn * (psi / turn).round();
-    if wrapped <= -TAU { wrapped + turn } else { wrapped }
-}
+/// Functions of half an angle repeat after two turns.
+const TWO_TURNS: f64 = 2.0 * TURN;
 
 /// How far a sliding joint along the unit `axis` moves to bring `point` as near to `target` as it can within
 /// `[lower, upper]` (which contains 0), and by how much the weighted squared distance falls.

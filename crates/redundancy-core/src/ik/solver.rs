@@ -1,7 +1,7 @@
 //! A solver that never misses: the closed form where the arm has one, else ranked starts and Levenberg-Marquardt.
 //!
-//! 1. Closed form ([`SphericalWristArm`] for six joints, [`SrsArm`] for seven): exact, also about poses that have no answer.
-//!    Arms with small defects are polished by step 3.
+//! 1. Closed form, where the registry ([`closed_form`]) knows one: exact, also about poses that have no answer. Arms with
+//!    small defects are polished by step 3.
 //! 2. The given start, then stored configurations in the order of what is left of the error when their first and last
 //!    joints are at their analytic best: the sub-problem of [FromGravdahl2007] as a warm-up.
 //! 3. Levenberg-Marquardt with limits from each, given up where progress is slow.
@@ -25,9 +25,8 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
-use crate::pose::{Pose, check_pose};
-use crate::solutions::SphericalWristArm;
-use crate::solutions::SrsArm;
+use crate::pose::{Pose, checked_pose};
+use crate::solutions::{ClosedForm, closed_form};
 use crate::status::Status;
 use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
 
@@ -41,8 +40,6 @@ const UNLIMITED: usize = 8;
 const STORED: usize = 1024;
 /// Most iterations of one run of a descent.
 const DESCENT_RUN: usize = 2_000;
-/// Swivels at which the closed form looks for a branch within limits before it asks for the exact arcs.
-const SWIVELS: usize = 8;
 /// Most steps along a criterion.
 const CRITERION_STEPS: usize = 200;
 /// Longest step along a criterion, rad or m.
@@ -195,6 +192,11 @@ pub struct IkResult {
     pub position_error: f64,
     /// Angle from the target, rad, of what counts of it; measured by forward kinematics on `q`.
     pub orientation_error: f64,
+    /// Whether the status is exact: `Converged` always, others where a closed form without defect says so. False where it
+    /// is that of a finite search.
+    pub proven: bool,
+    /// Starts of the numeric search; 0 from a closed form alone.
+    pub starts: usize,
 }
 
 impl IkResult {
@@ -207,6 +209,8 @@ impl IkResult {
             iterations: 0,
             position_error,
             orientation_error,
+            proven: false,
+            starts: 0,
         }
     }
 
@@ -219,13 +223,22 @@ impl IkResult {
         );
         match self.status {
             Status::Converged => String::new(),
-            Status::Unreachable => format!("out of reach; the nearest pose found is {miss}"),
+            Status::Unreachable if self.proven => {
+                format!("out of reach; the nearest pose found is {miss}")
+            }
+            Status::Unreachable => {
+                format!("out of reach of {} starts; the nearest pose found is {miss}", self.starts)
+            }
             Status::Limits => {
+                let how = if self.proven { String::new() } else { format!(" by {} starts", self.starts) };
                 format!(
-                    "in reach only outside of the joint limits; within them the nearest pose found is {miss}"
+                    "in reach only outside of the joint limits; within them the nearest pose found{how} is {miss}"
                 )
             }
-            other => format!("{other} after {} iterations, {miss}", self.iterations),
+            other => {
+                let Self { iterations, starts, .. } = self;
+                format!("{other} after {iterations} iterations from {starts} starts, {miss}")
+            }
         }
     }
 }
@@ -241,13 +254,6 @@ pub struct IkTrace {
     pub position_error: Vec<f64>,
     /// Angles from the target, rad.
     pub orientation_error: Vec<f64>,
-}
-
-/// The closed form of an arm.
-#[derive(Debug, Clone)]
-enum Closed {
-    Srs(SrsArm),
-    Wrist(SphericalWristArm),
 }
 
 /// From poses to configurations of one chain.
@@ -275,7 +281,7 @@ struct Inner {
     chain: Chain,
     settings: IkSettings,
     starts: Starts,
-    closed: Option<Closed>,
+    closed: Option<Arc<dyn ClosedForm>>,
     unlimited: (Vec<f64>, Vec<f64>),
 }
 
@@ -324,12 +330,8 @@ impl IkSolver {
         let whole = matches!(settings.task.kind(), TaskKind::Pose | TaskKind::PoseRpy);
         let starts = Starts::new(chain, &settings.task, whole, STORED, IK_RADIANS_PER_METRE);
         let wanted = settings.closed_form && settings.method == IkMethod::Hybrid;
-        let closed = if wanted && whole && settings.orientation_set.is_none() {
-            let wrist = SphericalWristArm::new(chain).ok().map(Closed::Wrist);
-            wrist.or_else(|| SrsArm::new(chain).ok().map(Closed::Srs))
-        } else {
-            None
-        };
+        let wanted = wanted && whole && settings.orientation_set.is_none();
+        let closed = if wanted { closed_form(chain) } else { None };
         let bound = |sign: f64| -> Vec<f64> { vec![sign * f64::INFINITY; chain.dof()] };
         let unlimited = (bound(-1.0), bound(1.0));
         Ok(Self { inner: Arc::new(Inner { chain: chain.clone(), settings, starts, closed, unlimited }) })
@@ -345,12 +347,9 @@ impl IkSolver {
         &self.inner.settings
     }
 
-    /// The closed form in use: `spherical_wrist`, `srs`, or none.
+    /// Name of the closed form in use ([`ClosedForm::name`]), or none.
     pub fn closed_form(&self) -> Option<&'static str> {
-        match self.inner.closed.as_ref()? {
-            Closed::Srs(_) => Some("srs"),
-            Closed::Wrist(_) => Some("spherical_wrist"),
-        }
+        self.inner.closed.as_ref().map(|form| form.name())
     }
 
     /// Memory for this solver.
@@ -389,7 +388,7 @@ impl IkSolver {
         memory: &mut IkMemory,
         result: &mut IkResult,
     ) -> Result<()> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let n = self.chain().dof();
         if let Some(q0) = q0 {
             crate::error::check_vector("q0", q0, n)?;
@@ -419,19 +418,24 @@ impl IkSolver {
             tol_position: settings.tol_position,
             tol_orientation: settings.tol_orientation,
         };
-        result.iterations = 0;
+        (result.iterations, result.starts, result.proven) = (0, 0, false);
         let mut known = None;
-        if let Some(closed) = closed {
-            known = self.closed(closed, pose, q0, &mut result.q);
-            if known.is_none() {
+        if let Some(form) = closed {
+            let status = form.select(pose, q0, settings.criterion.as_deref(), &mut result.q);
+            if status != Status::Converged {
+                known = Some(status);
+                result.proven = form.exact();
+            } else {
                 let run = problem.run(&goal, &mut result.q, &mut memory.work, RUN, true);
                 report(result, &run, Status::Converged);
                 if run.end == End::Converged {
+                    result.proven = true;
                     return;
                 }
             }
         }
         self.search(&problem, &goal, q0, seed, known, memory, result);
+        result.proven |= result.status == Status::Converged;
         if result.status == Status::Converged && settings.criterion.is_some() {
             self.improve(&problem, &goal, memory, result);
         }
@@ -456,7 +460,7 @@ impl IkSolver {
     /// # Errors
     /// As [`IkSolver::solve`].
     pub fn trace(&self, pose: &Pose, q0: &[f64]) -> Result<IkTrace> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let Inner { chain, settings, .. } = &*self.inner;
         crate::error::check_vector("q0", q0, chain.dof())?;
         let limits = chain.lower().iter().zip(chain.upper());
@@ -593,6 +597,7 @@ impl IkSolver {
             }
         }
         result.iterations += search.iterations;
+        result.starts = count;
         let status = if search.best.end == End::Converged {
             Status::Converged
         } else if let Some(status) = known.or(stopped) {
@@ -611,80 +616,6 @@ impl IkSolver {
             if reached { Status::Limits } else { Status::Unreachable }
         };
         report(result, &search.best, status);
-    }
-
-    /// Writes a configuration of the closed form to `q`; otherwise what it has proven.
-    fn closed(&self, closed: &Closed, pose: &Pose, q0: Option<&[f64]>, q: &mut [f64]) -> Option<Status> {
-        let Inner { chain, settings, .. } = &*self.inner;
-        match closed {
-            Closed::Wrist(arm) => {
-                let mut rows = [[0.0; 6]; 8];
-                let mask = arm.solve_into(pose, true, &mut rows);
-                if mask == 0 {
-                    let reachable = arm.solve_into(pose, false, &mut rows) != 0;
-                    return Some(if reachable { Status::Limits } else { Status::Unreachable });
-                }
-                if let Some(near) = q0.and_then(|q0| arm.nearest_unchecked(pose, q0)) {
-                    q.copy_from_slice(&near);
-                    return None;
-                }
-                let value = |row: &[f64; 6]| match &settings.criterion {
-                    Some(criterion) => criterion.sense().sign() * criterion.value(row),
-                    None => -room(chain, row),
-                };
-                let valid = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| (value(&rows[b]), b));
-                if let Some((_, best)) = valid.min_by(|a, b| a.0.total_cmp(&b.0)) {
-                    q.copy_from_slice(&rows[best]);
-                }
-                None
-            }
-            Closed::Srs(arm) => self.closed_srs(arm, pose, q0, q),
-        }
-    }
-
-    fn closed_srs(&self, arm: &SrsArm, pose: &Pose, q0: Option<&[f64]>, q: &mut [f64]) -> Option<Status> {
-        let Inner { chain, settings, .. } = &*self.inner;
-        let choice = match (q0, &settings.criterion) {
-            (None, None) => {
-                // A branch within limits at one of a few swivels is found nine times out of ten at the first.
-                let mut rows = [[0.0; 7]; 8];
-                for k in 0..SWIVELS {
-                    let (sin, cos) = SWIVEL_DIRECTIONS[k];
-                    let mask = arm.solve_into(pose, [cos, sin], true, &mut rows);
-                    let valid = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| (room(chain, &rows[b]), b));
-                    if let Some((_, best)) = valid.max_by(|a, b| a.0.total_cmp(&b.0)) {
-                        q.copy_from_slice(&rows[best]);
-                        return None;
-                    }
-                }
-                let Ok(motion) = arm.self_motion(pose) else { return Some(Status::Unreachable) };
-                let longest = motion
-                    .branches()
-                    .into_iter()
-                    .flat_map(|b| b.intervals(0.0).unwrap_or_default().into_iter().map(move |i| (b, i)))
-                    .max_by(|(_, a), (_, b)| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
-                match longest.and_then(|(branch, [lo, hi])| branch.q(0.5 * (lo + hi)).ok()) {
-                    Some(row) => Ok(row),
-                    None => Err(motion.status()),
-                }
-            }
-            (q0, criterion) => {
-                let Ok(motion) = arm.self_motion(pose) else { return Some(Status::Unreachable) };
-                let choice = match (criterion, q0) {
-                    (Some(criterion), _) => motion.best(&**criterion),
-                    (None, Some(q0)) => motion.nearest(q0),
-                    (None, None) => Ok(None),
-                };
-                choice.ok().flatten().map(|c| c.q).ok_or_else(|| motion.status())
-            }
-        };
-        match choice {
-            Ok(row) => {
-                q.copy_from_slice(&row);
-                None
-            }
-            Err(status) => Some(status),
-        }
     }
 
     /// Moves `result.q` along the null space of the task until the criterion is stationary, or a limit stops it.
@@ -742,22 +673,6 @@ impl IkSolver {
             }
         }
     }
-}
-
-/// Sines and cosines of the swivels that the closed form tries, far from each other first.
-const SWIVEL_DIRECTIONS: [(f64, f64); SWIVELS] = {
-    const H: f64 = std::f64::consts::FRAC_1_SQRT_2;
-    [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (H, H), (-H, -H), (H, -H), (-H, H)]
-};
-
-/// Least distance of a joint from its limits as a share of its range; 1/2 where there are none.
-fn room(chain: &Chain, q: &[f64]) -> f64 {
-    let limits = chain.lower().iter().zip(chain.upper());
-    let share = q.iter().zip(limits).map(|(q, (lo, hi))| {
-        let range = hi - lo;
-        if range.is_finite() { (q - lo).min(hi - q) / range } else { 0.5 }
-    });
-    share.fold(0.5, f64::min)
 }
 
 /// The target that starts are ranked by: with an orientation set, its member nearest to the target.

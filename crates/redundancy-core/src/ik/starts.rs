@@ -16,9 +16,10 @@ use rand_chacha::ChaCha8Rng;
 use wide::f32x8;
 
 use crate::chain::Chain;
+use crate::joint_space::{TURN, difference, within, wrap, wrap_lanes};
 use crate::kinematics::{Scratch, Task, TaskKind};
 use crate::pose::Pose;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Entries that are compared at a time.
 const LANES: usize = 8;
@@ -66,7 +67,7 @@ pub(super) struct Starts {
 
 /// The range from which starts of one joint are drawn: its limits, or a turn within them that is nearest to zero.
 pub(super) fn range(lower: f64, upper: f64, rotational: bool) -> [f64; 2] {
-    let width = if rotational { TAU } else { 2.0 };
+    let width = if rotational { TURN } else { 2.0 };
     if upper - lower <= width {
         return [lower, upper];
     }
@@ -116,7 +117,7 @@ impl Starts {
             q: Vec::with_capacity(count * n),
             azimuth: Vec::with_capacity(count),
             azimuth_lanes: Vec::new(),
-            sector: (chain.upper()[0] - chain.lower()[0] < TAU).then(|| {
+            sector: (chain.upper()[0] - chain.lower()[0] < TURN).then(|| {
                 let (lo, hi) = (chain.lower()[0], chain.upper()[0]);
                 [0.5 * (lo + hi), 0.5 * (hi - lo)]
             }),
@@ -211,10 +212,8 @@ impl Starts {
         if let Some([middle, half]) = self.sector {
             // What joint 1 would be outside of its limits.
             let (wanted, half) = (f32x8::splat((azimuth - middle) as f32), f32x8::splat(half as f32));
-            let (turn, turns) = (f32x8::splat(TAU as f32), f32x8::splat((1.0 / TAU) as f32));
             for (a, out) in self.azimuth_lanes.iter().zip(scores.as_chunks_mut::<LANES>().0) {
-                let away = wanted - f32x8::from(*a);
-                let away = (away - (away * turns).round() * turn).abs();
+                let away = wrap_lanes(wanted - f32x8::from(*a)).abs();
                 let excess = (away - half).max(f32x8::splat(0.0));
                 *out = excess.mul_add(excess, f32x8::from(*out)).to_array();
             }
@@ -270,12 +269,12 @@ impl Starts {
 
 /// The winding of `value` nearest to zero within the limits; the limit that is nearest where there is none.
 fn place(q: &mut f64, value: f64, lower: f64, upper: f64) -> bool {
-    let value = crate::solutions::wrapped(value);
-    if let Some(wound) = crate::solutions::within(value, lower, upper) {
+    let value = wrap(value);
+    if let Some(wound) = within(value, lower, upper) {
         *q = wound;
         return true;
     }
-    let away = |limit: f64| crate::solutions::wrapped(value - limit).abs();
+    let away = |limit: f64| difference(limit, value).abs();
     *q = if away(lower) < away(upper) { lower } else { upper };
     false
 }

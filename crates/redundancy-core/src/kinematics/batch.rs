@@ -1,13 +1,12 @@
-//! Many configurations at once, over rayon's current pool, into memory of the caller.
+//! Many configurations at once, over the current pool, into memory of the caller.
 //!
 //! Rows are independent and each is computed by the same code as a single call, so the bits depend neither on the
 //! number of threads nor on how the rows are cut into blocks.
 
-use rayon::prelude::*;
-
 use super::scratch::Scratch;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::parallel::prelude::*;
 use crate::pose::pose_to_row_major;
 
 /// Rows that one task of the pool takes at least: below it, handing work over costs more than the work.

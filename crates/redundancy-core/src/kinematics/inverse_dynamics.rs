@@ -24,12 +24,12 @@
 //! References: [Featherstone2008], [Singh2022].
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
-use rayon::prelude::*;
 
 use super::forward::Frame;
 use super::trigonometry::sin_cos;
 use crate::chain::{Body, Chain, Step};
 use crate::error::{Error, Result, check_finite, check_length, check_vector};
+use crate::parallel::prelude::*;
 
 /// Rows that one task of the pool takes at least: below it, handing work over costs more than the work.
 const ROWS_PER_TASK: usize = 64;
@@ -212,7 +212,7 @@ impl Chain {
     }
 
     /// [`inverse_dynamics`](Self::inverse_dynamics) for `N` rows; every slice holds `N * dof` numbers. Runs on the current
-    /// rayon pool.
+    /// pool.
     ///
     /// # Errors
     /// As for one row; lengths that differ.

@@ -21,8 +21,9 @@ use super::pose_error::PoseError;
 use super::scratch::Kinematics;
 use crate::chain::axis_onto_z;
 use crate::error::{Error, Result, check_vector};
+use crate::joint_space::difference;
 use crate::pose::Pose;
-use crate::rotation::{to_rpy, wrap};
+use crate::rotation::to_rpy;
 use crate::tolerance::RPY_COSINE;
 
 /// The kind of a task, see the table of the module.
@@ -252,7 +253,7 @@ impl Task {
             }
             TaskKind::PoseRpy => {
                 let (to, from) = (rpy(target), rpy(pose));
-                let [a, b, c] = [0, 1, 2].map(|i| wrap(to[i] - from[i]));
+                let [a, b, c] = [0, 1, 2].map(|i| difference(from[i], to[i]));
                 let angle = PoseError::between(target, pose).angle;
                 make(Vector6::new(d.x, d.y, d.z, a, b, c), d.norm(), angle)
             }
@@ -270,7 +271,7 @@ impl Task {
             }
             TaskKind::Planar => make(Vector6::new(d.x, d.y, 0.0, 0.0, 0.0, 0.0), d.x.hypot(d.y), 0.0),
             TaskKind::PlanarPose => {
-                let turn = wrap(heading(target) - heading(pose));
+                let turn = difference(heading(pose), heading(target));
                 make(Vector6::new(d.x, d.y, turn, 0.0, 0.0, 0.0), d.x.hypot(d.y), turn.abs())
             }
         }

@@ -16,10 +16,8 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, Stationarity};
 use crate::error::{Error, Result};
 use crate::kinematics::{Corrector, Task};
-use crate::pose::{Pose, check_pose};
-use crate::solutions::{
-    SelfMotionCurve, TraceSettings, random_configurations, self_motion_curves, short_way, wind,
-};
+use crate::pose::{Pose, checked_pose};
+use crate::solutions::{SelfMotionCurve, TraceSettings, random_configurations, self_motion_curves};
 use crate::tolerance::{NEWTON_DONE, SAME_CRITICAL_POINT, SLOPE_NOISE, TRACE_ONE_STEP};
 
 /// Most random starts of one call: seconds to minutes.
@@ -81,7 +79,7 @@ pub fn constrained_optima(
     task: Task,
     settings: &OptimaSettings,
 ) -> Result<Vec<CriticalPoint>> {
-    check_pose("target", target)?;
+    let target = &checked_pose("target", target)?;
     if settings.starts > MOST_STARTS {
         let (what, value) = ("starts".into(), settings.starts as f64);
         return Err(Error::OutOfRange { what, value, bound: format!("<= {MOST_STARTS}") });
@@ -220,7 +218,7 @@ impl<'a> Search<'a> {
         let n = self.chain.dof();
         let shift_of = |search: &Self, q: &[f64]| -> Vec<f64> {
             let mut wound = q.to_vec();
-            wind(search.chain, &mut wound);
+            search.chain.wind(&mut wound);
             wound.iter().zip(q).map(|(w, q)| w - q).collect()
         };
         let mut before: Option<(Sample, Vec<f64>)> = None;
@@ -345,7 +343,7 @@ impl<'a> Search<'a> {
         for _ in 0..STEPS {
             match self.corrector.step(at, self.target, &mut q, REACH) {
                 Some(length) if length <= NEWTON_DONE => {
-                    wind(self.chain, &mut q);
+                    self.chain.wind(&mut q);
                     // In another winding it may not be critical.
                     let at = self.classifier.stationarity_mut();
                     if self.corrector.polish(at, self.target, &mut q, SAME_CRITICAL_POINT).is_some() {
@@ -362,7 +360,7 @@ impl<'a> Search<'a> {
     /// Keeps a critical point that is not there yet.
     fn keep(&mut self, q: Vec<f64>) {
         let mut wound = q.clone();
-        wind(self.chain, &mut wound);
+        self.chain.wind(&mut wound);
         if wound.iter().zip(&q).any(|(a, b)| (a - b).abs() > 1.0) {
             return;
         }
@@ -372,7 +370,7 @@ impl<'a> Search<'a> {
         }
         let mut d = vec![0.0; q.len()];
         let known = self.found.iter().any(|other| {
-            short_way(self.chain, &other.q, &q, &mut d);
+            self.chain.difference_into(&other.q, &q, &mut d);
             d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_CRITICAL_POINT
         });
         if known {

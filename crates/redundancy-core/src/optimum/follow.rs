@@ -23,7 +23,6 @@
 //! Cost: some 10 us per step for seven joints and the joint range; steps of at most 0.05 rad.
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::classify::{Classifier, Kind};
 use super::critical_points::{CriticalNewton, CriticalPoint, OptimaSettings, constrained_optima};
@@ -31,8 +30,12 @@ use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense};
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Task, TaskKind};
-use crate::path::{Event, EventKind, Path, TimingSettings, Trajectory, times_within_limits};
+use crate::parallel::prelude::*;
+use crate::path::{
+    Event, EventKind, Path, Plan, PlanBuilder, TimingSettings, Trajectory, broken_limits, times_within_limits,
+};
 use crate::solutions::geometric;
+use crate::status::Status;
 use crate::tolerance::{
     FOLLOW_DONE, FOLLOW_FOLD, FOLLOW_SHORTEST, FOLLOW_SINGULAR, FOLLOW_START, FOLLOW_STEPS, FREE_SPEED,
     LIMIT_SLACK, TRACE_TURN,
@@ -95,12 +98,30 @@ pub struct FollowedOptimum {
 }
 
 impl FollowedOptimum {
-    /// The rows as a trajectory: with the path's times, else timed by the chain's velocity limits. Its events are the
-    /// stop, with the path point that was not reached as index, and rows at which joints leave their limits or return.
+    /// The rows as a plan: with the path's times, else timed by the chain's velocity limits. Its events are the stop, with
+    /// the path point that was not reached as index, and rows at which joints leave their limits or return.
+    ///
+    /// `Converged` when the path was finished within the limits; `Singular` at a stop; `Limits` where a joint breaks a
+    /// position limit, or a speed limit at the path's times.
     ///
     /// # Errors
     /// None for what was followed along this path.
-    pub fn trajectory(&self, chain: &Chain, path: &Path) -> Result<Trajectory> {
+    pub fn plan(&self, chain: &Chain, path: &Path) -> Result<Plan> {
+        let trajectory = self.trajectory(chain, path)?;
+        let broken = broken_limits(chain, &trajectory);
+        let legal = broken.is_none();
+        let (status, reason) = match (&self.stop, broken) {
+            (Some(stop), Some(broken)) => (Status::Singular, format!("{}; {broken}", stop.message)),
+            (Some(stop), None) => (Status::Singular, stop.message.clone()),
+            (None, Some(broken)) => (Status::Limits, broken),
+            (None, None) => (Status::Converged, String::new()),
+        };
+        let s = path.s()[..trajectory.rows()].to_vec();
+        let builder = PlanBuilder::new(trajectory, status).reason(reason).legal(legal).proven(true).s(s);
+        builder.poses_of(chain)?.margin_of(chain)?.build()
+    }
+
+    fn trajectory(&self, chain: &Chain, path: &Path) -> Result<Trajectory> {
         let n = chain.dof();
         let rows = self.q.len() / n;
         let (t, at_stop) = match (path.t(), &self.stop) {
@@ -663,7 +684,7 @@ pub fn distance_to_nearest(
     let mut d = DVector::zeros(n);
     let rows = q.chunks_exact(n).map(|row| {
         let distances = points.iter().map(|point| {
-            crate::solutions::short_way(chain, row, point, d.as_mut_slice());
+            chain.difference_into(row, point, d.as_mut_slice());
             if modulo_first {
                 d[0] = 0.0;
             }

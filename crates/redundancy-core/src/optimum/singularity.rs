@@ -14,15 +14,16 @@
 //! Cost for the planar arm with three joints: about 0.3 ms per start; a hundred starts find all ten points.
 
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use super::classify::Classifier;
 use super::critical_points::MOST_STARTS;
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
+use crate::joint_space::TURN;
 use crate::kinematics::{NullSpace, Task};
-use crate::solutions::{geometric, random_configurations, short_way, wind};
+use crate::parallel::prelude::*;
+use crate::solutions::{geometric, random_configurations};
 use crate::tolerance::{
     FOLLOW_DONE, SAME_SINGULARITY, SINGULARITY_DIFFERENCE, SINGULARITY_RANK, SINGULARITY_RESIDUAL,
 };
@@ -128,7 +129,7 @@ impl<'a> SingularitySearch<'a> {
         shift[0] = SHIFT;
         let free = stays(&mut classifier, settings.seed, &shift);
         for (shift, joint) in shift.iter_mut().zip(chain.steps()) {
-            *shift = if joint.rotational { std::f64::consts::TAU } else { 0.0 };
+            *shift = if joint.rotational { TURN } else { 0.0 };
         }
         let periodic = stays(&mut classifier, settings.seed, &shift);
         let unknowns = n - usize::from(free);
@@ -180,7 +181,7 @@ impl<'a> SingularitySearch<'a> {
             for (i, point) in found.into_iter().enumerate() {
                 let Some(point) = point else { continue };
                 let known = self.points.iter().any(|other| {
-                    short_way(self.chain, &other.q, &point.q, &mut d);
+                    self.chain.difference_into(&other.q, &point.q, &mut d);
                     d.iter().map(|x| x * x).sum::<f64>().sqrt() <= SAME_SINGULARITY
                 });
                 if !known {
@@ -347,7 +348,7 @@ impl<'a> Search<'a> {
 
     fn check(&mut self, mut q: Vec<f64>) -> Option<SingularPoint> {
         let chain = self.classifier.stationarity().chain();
-        wind(&chain, &mut q);
+        chain.wind(&mut q);
         if self.first == 1 {
             q[0] = 0.0;
         }

@@ -11,7 +11,6 @@ use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
-use crate::solutions::{short_way, wind};
 use crate::tolerance::{FOLLOW_DONE, FOLLOW_SHORTEST, SINGULARITY_RANK};
 
 /// Most rows in one direction.
@@ -143,7 +142,7 @@ impl SingularityTracer<'_> {
     /// The way from `a` to `b`, the short one where whole turns make no difference.
     fn way(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
         if self.periodic {
-            short_way(self.chain, a, b, out);
+            self.chain.difference_into(a, b, out);
         } else {
             out.iter_mut().zip(a.iter().zip(b)).for_each(|(out, (a, b))| *out = b - a);
         }
@@ -152,7 +151,7 @@ impl SingularityTracer<'_> {
     /// Whether `q` has left its winding and whole turns make a difference.
     fn leaves(&self, q: &[f64]) -> bool {
         let mut wound = q.to_vec();
-        wind(self.chain, &mut wound);
+        self.chain.wind(&mut wound);
         !self.periodic && wound.iter().zip(q).any(|(a, b)| (a - b).abs() > 1.0)
     }
 

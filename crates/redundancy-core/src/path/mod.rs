@@ -26,19 +26,30 @@
 //! Cost: building `O(N)`, evaluating `O(log N)`.
 
 mod bspline;
+mod edit;
+#[cfg(feature = "io")]
+mod files;
 #[allow(clippy::module_inception)]
 mod path;
+mod piece;
 mod plan;
+mod sample;
+mod section;
 mod shapes;
 mod spline;
+#[cfg(feature = "io")]
 mod table;
 mod timed;
 mod timing;
 mod trajectory;
 
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
-pub use path::{Path, PathPoint, Shape};
+pub use path::{Path, PathPoint};
+pub use piece::{PathPiece, Shape};
+pub(crate) use plan::broken_limits;
 pub use plan::{BlockedPoint, Pieces, Plan, PlanBuilder, Reconfiguration, SpareCoordinate};
+pub use sample::TrajectorySample;
+pub use section::Section;
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
 pub use timed::{Reference, TimedPath};

@@ -1,19 +1,12 @@
 //! A path: samples and the curve through them.
 
-use std::path::Path as FilePath;
+use nalgebra::{IsometryMatrix3, Rotation3, Translation3, Vector3, Vector6};
 
-use nalgebra::{
-    IsometryMatrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3, Vector4, Vector6,
-};
-
-use super::shapes::{Circle, Raster, check_samples, even, intervals};
-use super::spline::CubicSpline;
-use super::table::{self, Table};
+use super::piece::{PathPiece, Piece, Shape};
+use super::shapes::{Circle, Raster, even, out_of_range};
 use crate::error::{Error, Result, check_finite, check_length};
-use crate::pose::{Pose, check_pose};
-use crate::tolerance::{
-    PATH_END_ROUNDING, PATH_SAME_ORIENTATION, PATH_STANDSTILL, QUATERNION_CHORD, QUATERNION_NORM, TURN_LENGTH,
-};
+use crate::pose::{Pose, checked_pose};
+use crate::tolerance::{PATH_END_ROUNDING, PATH_SAME_ORIENTATION, PATH_STANDSTILL, TURN_LENGTH};
 
 /// Tool poses (or positions) in the order of arc length, with a C2 curve between the samples.
 ///
@@ -32,32 +25,20 @@ pub struct Path {
     s: Vec<f64>,
     t: Option<Vec<f64>>,
     poses: Vec<Pose>,
-    shape: Shape,
-    positions: Option<CubicSpline<3>>,
-    orientations: Option<CubicSpline<4>>,
+    oriented: bool,
+    /// At least one; each starts at the sample at which the one before ends.
+    pieces: Vec<Piece>,
 }
 
-/// The same samples, arc lengths, times and shape: the same curve. Whether it carries orientations counts.
+/// The same samples, arc lengths, times and shapes: the same curve. Whether it carries orientations counts.
 impl PartialEq for Path {
     fn eq(&self, other: &Self) -> bool {
         self.s == other.s
             && self.t == other.t
             && self.poses == other.poses
-            && self.shape == other.shape
-            && self.has_orientation() == other.has_orientation()
+            && self.oriented == other.oriented
+            && self.pieces().eq(other.pieces())
     }
-}
-
-/// What the positions between samples come from.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub enum Shape {
-    /// A spline through the samples.
-    Spline,
-    /// An analytic circle.
-    Circle(Circle),
-    /// An analytic raster.
-    Raster(Raster),
 }
 
 /// A point of the curve. Six-vectors are linear first, angular second, in base axes.
@@ -78,10 +59,9 @@ impl Path {
     /// Fewer than two poses, an invalid pose, lengths that differ, numbers that are not finite, `s` that decreases or
     /// repeats while the pose changes, `t` that does not increase.
     pub fn new(poses: &[Pose], s: Option<&[f64]>, t: Option<&[f64]>) -> Result<Self> {
-        for (i, pose) in poses.iter().enumerate() {
-            check_pose(&format!("pose {i}"), pose)?;
-        }
-        Self::build(Shape::Spline, poses.to_vec(), true, s, t)
+        let poses = poses.iter().enumerate().map(|(i, pose)| checked_pose(&format!("pose {i}"), pose));
+        let poses = poses.collect::<Result<Vec<_>>>()?;
+        Self::build(whole(Shape::Spline, poses.len()), poses, true, s, t)
     }
 
     /// A path of positions, metres: orientations are left open.
@@ -92,26 +72,71 @@ impl Path {
         for (i, position) in positions.iter().enumerate() {
             check_finite(&format!("position {i}"), position.as_slice())?;
         }
-        Self::build(Shape::Spline, positions.iter().map(|p| placed(*p)).collect(), false, s, t)
+        let poses = positions.iter().map(|p| placed(*p)).collect();
+        Self::build(whole(Shape::Spline, positions.len()), poses, false, s, t)
     }
 
     /// A path of positions that samples an analytic shape at `s`.
     ///
     /// # Errors
-    /// As [`new`](Self::new); [`Shape::Spline`], which has no positions of its own.
+    /// As [`new`](Self::new); a shape that has no positions of its own.
     pub fn from_shape(shape: Shape, s: Vec<f64>) -> Result<Self> {
         check_finite("s", &s)?;
-        let position = |s: &f64| match &shape {
-            Shape::Circle(circle) => Ok(placed(circle.at(*s)[0])),
-            Shape::Raster(raster) => Ok(placed(raster.at(*s)[0])),
-            Shape::Spline => Err(Error::Invalid("a spline has no positions without samples".into())),
+        let position = |s: &f64| {
+            let none = || Error::Invalid("this shape has no positions without samples".into());
+            shape.at(*s).map(|point| placed(point[0])).ok_or_else(none)
         };
         let poses = s.iter().map(position).collect::<Result<Vec<_>>>()?;
-        Self::build(shape, poses, false, Some(&s), None)
+        Self::build(whole(shape, s.len()), poses, false, Some(&s), None)
     }
 
-    fn build(
-        shape: Shape,
+    /// A path from all that it is made of, see [`pieces`](Self::pieces). Without `oriented` the rotations are ignored.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); pieces that do not follow each other over all samples, samples that are not on their shape.
+    pub fn from_pieces(
+        poses: &[Pose],
+        oriented: bool,
+        s: &[f64],
+        t: Option<&[f64]>,
+        pieces: Vec<PathPiece>,
+    ) -> Result<Self> {
+        check_length("s", s, poses.len())?;
+        let mut next = 0;
+        for PathPiece { shape, shift, first, last } in &pieces {
+            if *first != next || last <= first || *last >= poses.len() || !shift.is_finite() {
+                return Err(Error::Invalid(format!(
+                    "a piece of the path holds samples {first} to {last}, expected {next} and a later one of {}",
+                    poses.len()
+                )));
+            }
+            next = *last;
+            for i in *first..=*last {
+                let Some([expected, ..]) = shape.at(s[i] + shift) else { break };
+                let miss = (expected - poses[i].translation.vector).norm();
+                if miss.is_nan() || miss > PATH_STANDSTILL * (1.0 + expected.norm()) {
+                    return Err(Error::Invalid(format!(
+                        "sample {i} is {miss} m away from the shape of its piece"
+                    )));
+                }
+            }
+        }
+        if next + 1 != poses.len() {
+            return Err(Error::Invalid(format!(
+                "the pieces of the path end at sample {next}, the path has {} samples",
+                poses.len()
+            )));
+        }
+        let poses = poses.iter().enumerate().map(|(i, pose)| match oriented {
+            true => checked_pose(&format!("pose {i}"), pose),
+            false => Ok(placed(pose.translation.vector)),
+        });
+        Self::build(pieces, poses.collect::<Result<_>>()?, oriented, Some(s), t)
+    }
+
+    /// The caller has made sure that the poses are valid and that the pieces follow each other over all samples.
+    pub(super) fn build(
+        pieces: Vec<PathPiece>,
         poses: Vec<Pose>,
         oriented: bool,
         s: Option<&[f64]>,
@@ -119,7 +144,7 @@ impl Path {
     ) -> Result<Self> {
         let n = poses.len();
         if n < 2 {
-            return Err(Error::Length { what: "path (at least two samples)".into(), expected: 2, actual: n });
+            return Err(Error::Invalid(format!("a path needs at least two samples, got {n}")));
         }
         let s = match s {
             None => {
@@ -137,112 +162,8 @@ impl Path {
         if let Some(t) = t {
             check_times(t, n)?;
         }
-        // A stop has several samples and one knot.
-        let knots: Vec<usize> = (0..n).filter(|i| *i == 0 || s[*i] > s[*i - 1]).collect();
-        let at_knots: Vec<f64> = knots.iter().map(|i| s[*i]).collect();
-        let positions = match shape {
-            Shape::Spline => {
-                let values = knots.iter().map(|i| poses[*i].translation.vector).collect();
-                Some(CubicSpline::new(at_knots.clone(), values))
-            }
-            _ => None,
-        };
-        let orientations = oriented.then(|| {
-            let mut previous = Vector4::zeros();
-            let values = knots.iter().map(|i| {
-                let q = UnitQuaternion::from_rotation_matrix(&poses[*i].rotation);
-                let q = Vector4::new(q.w, q.i, q.j, q.k);
-                previous = if q.dot(&previous) < 0.0 { -q } else { q };
-                previous
-            });
-            CubicSpline::new(at_knots, values.collect())
-        });
-        Ok(Self { s, t: t.map(<[f64]>::to_vec), poses, shape, positions, orientations })
-    }
-
-    /// Reads a CSV file with the columns `x,y,z` (metres), `qw,qx,qy,qz` (all four or none) and, where wanted, `s`
-    /// (metres) and `t` (seconds), in any order under a header line.
-    ///
-    /// Quaternions whose norm is within [`QUATERNION_NORM`] of 1 are normalised.
-    ///
-    /// # Errors
-    /// A file that cannot be read, a column that is missing, unknown or double, a field that is no finite number, a
-    /// quaternion that is not of unit norm, `s` or `t` that do not increase: with the file's name and line.
-    pub fn from_csv(file: impl AsRef<FilePath>) -> Result<Self> {
-        let table = Table::read(file.as_ref())?;
-        if let Some(unknown) = table.header.iter().find(|name| !COLUMNS.contains(&name.as_str())) {
-            let message = format!("unknown column '{unknown}', expected {}", COLUMNS.join(","));
-            return Err(table.error(table.header_line, message));
-        }
-        let column = |name: &str| {
-            table.column(name).ok_or_else(|| {
-                let known = table.header.join(",");
-                table.error(table.header_line, format!("column '{name}' is missing in the header '{known}'"))
-            })
-        };
-        let xyz = [column("x")?, column("y")?, column("z")?];
-        let oriented = QUATERNION.iter().any(|name| table.column(name).is_some());
-        let wxyz =
-            if oriented { Some([column("qw")?, column("qx")?, column("qy")?, column("qz")?]) } else { None };
-        let mut poses = Vec::with_capacity(table.rows.len());
-        for (line, row) in &table.rows {
-            let mut pose = placed(Vector3::new(row[xyz[0]], row[xyz[1]], row[xyz[2]]));
-            if let Some([w, x, y, z]) = wxyz.map(|columns| columns.map(|column| row[column])) {
-                let q = Quaternion::new(w, x, y, z);
-                let norm = q.norm();
-                if (norm - 1.0).abs() > QUATERNION_NORM {
-                    let message = format!(
-                        "quaternion (qw, qx, qy, qz) has norm {norm}, it must be within {QUATERNION_NORM} of 1"
-                    );
-                    return Err(table.error(*line, message));
-                }
-                pose.rotation = UnitQuaternion::from_quaternion(q).to_rotation_matrix();
-            }
-            poses.push(pose);
-        }
-        let numbers = |name: &str| {
-            table.column(name).map(|c| table.rows.iter().map(|row| row.1[c]).collect::<Vec<f64>>())
-        };
-        let (s, t) = (numbers("s"), numbers("t"));
-        if let Some(t) = &t
-            && let Some(i) = (1..t.len()).find(|i| t[*i] <= t[*i - 1])
-        {
-            let message = format!("t is {} after {}, it must increase", t[i], t[i - 1]);
-            return Err(table.error(table.rows[i].0, message));
-        }
-        if let Some(s) = &s
-            && let Some(i) = (1..s.len()).find(|i| !arc_length_grows(&poses, s, *i))
-        {
-            let message = format!("s is {} after {}, it must increase with the pose", s[i], s[i - 1]);
-            return Err(table.error(table.rows[i].0, message));
-        }
-        let path = Self::build(Shape::Spline, poses, oriented, s.as_deref(), t.as_deref());
-        path.map_err(|error| table.error_in_file(error.to_string()))
-    }
-
-    /// Writes the samples as [`from_csv`](Self::from_csv) reads them.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn to_csv(&self, file: impl AsRef<FilePath>) -> Result<()> {
-        let mut header: Vec<String> = vec!["s".into(), "x".into(), "y".into(), "z".into()];
-        if self.has_orientation() {
-            header.extend(QUATERNION.map(String::from));
-        }
-        if self.t.is_some() {
-            header.push("t".into());
-        }
-        let rows = (0..self.len()).map(|i| {
-            let p = self.poses[i].translation.vector;
-            let mut row = vec![self.s[i], p.x, p.y, p.z];
-            if self.has_orientation() {
-                let q = UnitQuaternion::from_rotation_matrix(&self.poses[i].rotation);
-                row.extend([q.w, q.i, q.j, q.k]);
-            }
-            row.extend(self.t.as_ref().map(|t| t[i]));
-            row
-        });
-        table::write(file.as_ref(), &header, rows)
+        let pieces = pieces.into_iter().map(|piece| Piece::new(piece, &poses, &s, oriented)).collect();
+        Ok(Self { s, t: t.map(<[f64]>::to_vec), poses, oriented, pieces })
     }
 
     /// The same path with one orientation everywhere.
@@ -265,9 +186,9 @@ impl Path {
         let mut poses = self.poses.clone();
         for (i, (pose, rotation)) in poses.iter_mut().zip(rotations).enumerate() {
             pose.rotation = *rotation;
-            check_pose(&format!("orientation {i}"), pose)?;
+            *pose = checked_pose(&format!("orientation {i}"), pose)?;
         }
-        Self::build(self.shape.clone(), poses, true, Some(&self.s), self.t.as_deref())
+        Self::build(self.pieces().cloned().collect(), poses, true, Some(&self.s), self.t.as_deref())
     }
 
     /// The same path with other times, or none.
@@ -309,12 +230,20 @@ impl Path {
 
     /// False for a path of positions, whose orientation is open.
     pub fn has_orientation(&self) -> bool {
-        self.orientations.is_some()
+        self.oriented
     }
 
-    /// What the positions between samples come from.
+    /// What the positions between samples come from; [`Shape::Joined`] for a path of several pieces.
     pub fn shape(&self) -> &Shape {
-        &self.shape
+        match &self.pieces[..] {
+            [only] => &only.outline.shape,
+            _ => &Shape::Joined,
+        }
+    }
+
+    /// The pieces of the curve, in order; one unless paths were joined.
+    pub fn pieces(&self) -> impl Iterator<Item = &PathPiece> {
+        self.pieces.iter().map(|piece| &piece.outline)
     }
 
     /// Pose and derivatives at arc length `s`.
@@ -329,82 +258,51 @@ impl Path {
             return Err(Error::OutOfRange { what: "s".into(), value: s, bound });
         }
         let s = s.clamp(first, last);
-        let [p, d, dd] = match (&self.shape, &self.positions) {
-            (Shape::Circle(circle), _) => circle.at(s),
-            (Shape::Raster(raster), _) => raster.at(s),
-            (Shape::Spline, Some(spline)) => spline.at(s),
-            (Shape::Spline, None) => [self.poses[0].translation.vector, Vector3::zeros(), Vector3::zeros()],
-        };
-        let (rotation, turn, turn_change) = self.orientation_at(s);
+        // Where two pieces meet, the derivatives are those of the one that follows.
+        let next = self.pieces.partition_point(|piece| self.s[piece.outline.first] <= s);
+        let piece = &self.pieces[next.clamp(1, self.pieces.len()) - 1];
+        let [p, d, dd] = piece.position_at(s);
+        let (rotation, turn, turn_change) = piece.orientation_at(s).unwrap_or_else(|| {
+            let i = self.s.partition_point(|x| *x <= s).clamp(1, self.len()) - 1;
+            (self.poses[i].rotation, Vector3::zeros(), Vector3::zeros())
+        });
         Ok(PathPoint {
             pose: Pose::from_parts(Translation3::from(p), rotation),
             derivative: stacked(&d, &turn),
             second_derivative: stacked(&dd, &turn_change),
         })
     }
+}
 
-    /// Rotation, `omega` and `omega'`.
-    fn orientation_at(&self, s: f64) -> (Rotation3<f64>, Vector3<f64>, Vector3<f64>) {
-        let still = (Rotation3::identity(), Vector3::zeros(), Vector3::zeros());
-        let Some(spline) = &self.orientations else { return still };
-        let [v, dv, ddv] = spline.at(s);
-        let norm = v.norm();
-        if norm < QUATERNION_CHORD {
-            let i = self.s.partition_point(|x| *x <= s).clamp(1, self.len()) - 1;
-            return (self.poses[i].rotation, still.1, still.2);
-        }
-        // With Q = v / |v|: Q' conj(Q) and its derivative have the vector parts of v' conj(Q) / |v| and
-        // (v'' - 2 |v|'/|v| v') conj(Q) / |v|, since what is along Q only adds to the scalar part.
-        let q = Quaternion::from(v_to_nalgebra(&v)) / norm;
-        let along = v.dot(&dv) / (norm * norm);
-        let turn =
-            |d: &Vector4<f64>| 2.0 * (Quaternion::from(v_to_nalgebra(d)) * q.conjugate()).imag() / norm;
-        let rotation = UnitQuaternion::new_unchecked(q).to_rotation_matrix();
-        (rotation, turn(&dv), turn(&(ddv - dv * (2.0 * along))))
-    }
-
-    /// The same curve sampled about every `step` metres; times are interpolated linearly.
+impl Circle {
+    /// The path of positions with `n` samples, both ends included.
     ///
     /// # Errors
-    /// A step that is not positive or gives more than ten million samples; a path with times that stops on the way,
-    /// since the stop would be lost.
-    pub fn resampled(&self, step: f64) -> Result<Self> {
-        if !(step.is_finite() && step > 0.0) {
-            let bound = "finite and > 0".into();
-            return Err(Error::OutOfRange { what: "step".into(), value: step, bound });
+    /// `n < 2`.
+    pub fn path(&self, n: usize) -> Result<Path> {
+        if n < 2 {
+            return Err(out_of_range("n", n as f64, "at least 2"));
         }
-        check_samples("step", step, self.length())?;
-        let first = self.s[0];
-        let s: Vec<f64> =
-            even(self.length(), intervals(self.length(), step)).iter().map(|s| first + s).collect();
-        let t = match &self.t {
-            None => None,
-            Some(t) => {
-                if let Some(i) = (1..self.len()).find(|i| self.s[*i] <= self.s[*i - 1]) {
-                    let message = format!(
-                        "the path stops at sample {i} (t = {}): resampling by arc length would lose the stop",
-                        t[i]
-                    );
-                    return Err(Error::Invalid(message));
-                }
-                Some(s.iter().map(|s| linear(&self.s, t, *s)).collect::<Vec<_>>())
-            }
-        };
-        let points = s.iter().map(|s| self.at(*s)).collect::<Result<Vec<_>>>()?;
-        let poses = points.into_iter().map(|point| point.pose).collect();
-        Self::build(self.shape.clone(), poses, self.has_orientation(), Some(&s), t.as_deref())
+        Path::from_shape(Shape::Circle(self.clone()), even(self.length(), n - 1))
     }
 }
 
-const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
-const COLUMNS: [&str; 9] = ["x", "y", "z", "qw", "qx", "qy", "qz", "t", "s"];
-
-/// Only [`Path::orientation_at`] needs this: scalar first to nalgebra's order.
-fn v_to_nalgebra(v: &Vector4<f64>) -> Vector4<f64> {
-    Vector4::new(v[1], v[2], v[3], v[0])
+impl Raster {
+    /// The path of positions, sampled about every `step` metres (the length divided evenly).
+    ///
+    /// # Errors
+    /// A step that is not positive, or so small that there would be more than ten million samples.
+    pub fn path(&self, step: f64) -> Result<Path> {
+        Path::from_shape(Shape::Raster(self.clone()), self.samples(step)?)
+    }
 }
 
-fn placed(position: Vector3<f64>) -> Pose {
+/// One piece of `n` samples.
+pub(super) fn whole(shape: Shape, n: usize) -> Vec<PathPiece> {
+    vec![PathPiece { shape, shift: 0.0, first: 0, last: n.saturating_sub(1) }]
+}
+
+pub(super) fn placed(position: Vector3<f64>) -> Pose {
     IsometryMatrix3::from_parts(Translation3::from(position), Rotation3::identity())
 }
 
@@ -430,7 +328,7 @@ fn step(poses: &[Pose], i: usize) -> (f64, f64) {
     (distance, 2.0 * chord.min(1.0).asin())
 }
 
-fn arc_length(poses: &[Pose]) -> Vec<f64> {
+pub(super) fn arc_length(poses: &[Pose]) -> Vec<f64> {
     let mut s = vec![0.0; poses.len()];
     for i in 1..poses.len() {
         let (distance, angle) = step(poses, i);
@@ -444,7 +342,7 @@ fn arc_length(poses: &[Pose]) -> Vec<f64> {
     s
 }
 
-fn arc_length_grows(poses: &[Pose], s: &[f64], i: usize) -> bool {
+pub(super) fn arc_length_grows(poses: &[Pose], s: &[f64], i: usize) -> bool {
     if s[i] == s[i - 1] {
         let (distance, angle) = step(poses, i);
         return distance <= PATH_STANDSTILL && angle <= PATH_SAME_ORIENTATION;
@@ -459,11 +357,4 @@ fn check_arc_length(poses: &[Pose], s: &[f64]) -> std::result::Result<(), String
             Err(format!("s[{i}] is {} after {}, arc length must increase with the pose", s[i], s[i - 1]))
         }
     }
-}
-
-/// Piecewise linear interpolation; `x` increases strictly.
-fn linear(x: &[f64], y: &[f64], at: f64) -> f64 {
-    let i = x.partition_point(|x| *x <= at).clamp(1, x.len() - 1);
-    let u = ((at - x[i - 1]) / (x[i] - x[i - 1])).clamp(0.0, 1.0);
-    if u == 1.0 { y[i] } else { y[i - 1] + u * (y[i] - y[i - 1]) }
 }

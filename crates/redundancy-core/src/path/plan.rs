@@ -8,11 +8,12 @@
 //! is broken, a reconfiguration or a blocked point.
 
 use super::trajectory::Trajectory;
-use crate::chain::Chain;
+use crate::chain::{Chain, Limits};
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::kinematics::Scratch;
 use crate::pose::Pose;
 use crate::status::Status;
+use crate::tolerance::{LIMIT_SLACK, SPEED_ROUNDING};
 
 /// A place where the arm must change its configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -113,6 +114,11 @@ impl Plan {
         self.trajectory.q()
     }
 
+    /// Joint positions by row for an arm of `N` joints; empty for another number.
+    pub fn q_rows<const N: usize>(&self) -> &[[f64; N]] {
+        if self.trajectory.dof() == N { self.q().as_chunks().0 } else { &[] }
+    }
+
     /// What the planner did.
     pub fn status(&self) -> Status {
         self.status
@@ -124,13 +130,14 @@ impl Plan {
         &self.reason
     }
 
-    /// Whether limits, task, contact and continuity hold on the grid of the verification, whatever the status; `None`
-    /// where that was not checked.
+    /// Whether limits, task, contact and continuity hold on the grid of the verification (the rows, for schemes that go
+    /// step by step), whatever the status; `None` where that was not checked.
     pub fn legal(&self) -> Option<bool> {
         self.legal
     }
 
-    /// Whether the verdict is exact; else it is the best of a finite search.
+    /// Whether the status is exact; else it is that of the best of a finite search. `Converged` says that the motion was
+    /// verified, not that there is no cheaper one.
     pub fn proven(&self) -> bool {
         self.proven
     }
@@ -217,6 +224,35 @@ impl From<Plan> for Trajectory {
     fn from(plan: Plan) -> Self {
         plan.trajectory
     }
+}
+
+/// Which position limit of `chain` a motion breaks first, and which speed limit it exceeds most: the joint, the row, the
+/// value and the bound. `None` when it keeps them all.
+pub(crate) fn broken_limits(chain: &Chain, trajectory: &Trajectory) -> Option<String> {
+    let n = chain.dof().max(1);
+    let rows = || trajectory.q().chunks_exact(n).enumerate();
+    let outside = |q: f64, limits: &Limits| q < limits.lower - LIMIT_SLACK || q > limits.upper + LIMIT_SLACK;
+    let position = rows().find_map(|(row, q)| {
+        let (joint, q) = chain.joints().iter().zip(q).find(|(joint, q)| outside(**q, &joint.limits))?;
+        let (name, Limits { lower, upper, .. }) = (&joint.name, &joint.limits);
+        Some(format!("row {row}: joint '{name}' is at {q}, outside its limits [{lower}, {upper}]"))
+    });
+    let mut fastest: Option<(f64, usize, usize)> = None;
+    for (row, qd) in trajectory.qd().chunks_exact(n).enumerate() {
+        for (i, (joint, qd)) in chain.joints().iter().zip(qd).enumerate() {
+            let used = qd.abs() / joint.limits.velocity;
+            if used > fastest.map_or(1.0 + SPEED_ROUNDING, |fastest| fastest.0) {
+                fastest = Some((used, row, i));
+            }
+        }
+    }
+    let speed = fastest.map(|(used, row, i)| {
+        let (name, limit) = (&chain.joints()[i].name, chain.joints()[i].limits.velocity);
+        let speed = used * limit;
+        format!("row {row}: joint '{name}' has the speed {speed}, {used:.3} times its limit of {limit}")
+    });
+    let both: Vec<String> = position.into_iter().chain(speed).collect();
+    (!both.is_empty()).then(|| both.join("; "))
 }
 
 /// A [`Plan`] in the making. What is not given is unknown.

@@ -2,8 +2,8 @@
 
 use nalgebra::{Complex, Unit, Vector3};
 
-use super::path::{Path, Shape};
 use crate::error::{Error, Result, check_finite};
+use crate::pose::Pose;
 use crate::tolerance::{CORNER_FIT, DIRECTION_NORM};
 
 /// A circle, an arc or several turns.
@@ -60,9 +60,18 @@ impl Circle {
 
     /// Position and its first two derivatives with respect to arc length.
     pub fn at(&self, s: f64) -> [Vector3<f64>; 3] {
+        let (e1, e2) = self.axes();
+        let sense = self.turns.signum();
+        let (sin, cos) = (self.start + sense * s / self.radius).sin_cos();
+        let radial = e1 * cos + e2 * sin;
+        let tangent = (e2 * cos - e1 * sin) * sense;
+        [self.center + radial * self.radius, tangent, -radial / self.radius]
+    }
+
+    /// Shortest rotation from z to the normal applied to x and y.
+    fn axes(&self) -> (Vector3<f64>, Vector3<f64>) {
         let n = self.normal;
-        // Shortest rotation from z to n applied to x and y.
-        let (e1, e2) = if n.z > 0.0 || n.x != 0.0 || n.y != 0.0 {
+        if n.z > 0.0 || n.x != 0.0 || n.y != 0.0 {
             // 1 + n_z without cancellation for n near -z.
             let k = if n.z >= 0.0 { 1.0 + n.z } else { (n.x * n.x + n.y * n.y) / (1.0 - n.z) };
             (
@@ -71,23 +80,26 @@ impl Circle {
             )
         } else {
             (Vector3::x(), -Vector3::y())
-        };
-        let sense = self.turns.signum();
-        let (sin, cos) = (self.start + sense * s / self.radius).sin_cos();
-        let radial = e1 * cos + e2 * sin;
-        let tangent = (e2 * cos - e1 * sin) * sense;
-        [self.center + radial * self.radius, tangent, -radial / self.radius]
+        }
     }
 
-    /// The path of positions with `n` samples, both ends included.
-    ///
-    /// # Errors
-    /// `n < 2`.
-    pub fn path(&self, n: usize) -> Result<Path> {
-        if n < 2 {
-            return Err(out_of_range("n", n as f64, "at least 2"));
-        }
-        Path::from_shape(Shape::Circle(self.clone()), even(self.length(), n - 1))
+    /// The circle moved by a rigid transform; its points stay at their arc lengths.
+    pub(super) fn transformed(&self, by: &Pose) -> Self {
+        let mut moved = Self {
+            center: by.rotation * self.center + by.translation.vector,
+            normal: Unit::new_normalize(by.rotation * self.normal.into_inner()),
+            ..self.clone()
+        };
+        // The new axes are those that belong to the new normal: the start angle takes up their turn about it.
+        let (zero, (e1, e2)) = (by.rotation * self.axes().0, moved.axes());
+        moved.start += zero.dot(&e2).atan2(zero.dot(&e1));
+        moved
+    }
+
+    /// The circle from its end to its start.
+    pub(super) fn reversed(&self) -> Self {
+        let start = self.start + std::f64::consts::TAU * self.turns;
+        Self { start, turns: -self.turns, ..self.clone() }
     }
 
     /// Centre, m.
@@ -248,24 +260,40 @@ impl Raster {
         [self.origin + lift(p), lift(d), lift(dd)]
     }
 
-    /// The path of positions, sampled about every `step` metres (the length divided evenly).
+    /// The raster moved by a rigid transform.
+    pub(super) fn transformed(&self, by: &Pose) -> Self {
+        let turned = |v: &Unit<Vector3<f64>>| Unit::new_normalize(by.rotation * v.into_inner());
+        Self {
+            origin: by.rotation * self.origin + by.translation.vector,
+            along: turned(&self.along),
+            across: turned(&self.across),
+            ..self.clone()
+        }
+    }
+
+    /// The raster from its end to its start: again a raster, since a corner is its own mirror image.
+    pub(super) fn reversed(&self) -> Self {
+        let along = if self.strokes.is_multiple_of(2) { self.along } else { -self.along };
+        let [origin, ..] = self.at(self.arc_length());
+        Self { origin, along, across: -self.across, ..self.clone() }
+    }
+
+    /// Arc lengths about `step` metres apart: the length divided evenly, and with sharp corners every straight by itself.
     ///
     /// # Errors
     /// A step that is not positive, or so small that there would be more than ten million samples.
-    pub fn path(&self, step: f64) -> Result<Path> {
+    pub(super) fn samples(&self, step: f64) -> Result<Vec<f64>> {
         check_positive("step", step)?;
         check_samples("step", step, self.arc_length())?;
-        let s = if self.corner.is_some() {
-            even(self.arc_length(), intervals(self.arc_length(), step))
-        } else {
-            let mut s = vec![0.0];
-            for piece in &self.pieces {
-                let n = intervals(piece.length, step);
-                s.extend(even(piece.length, n).iter().skip(1).map(|u| piece.start + u));
-            }
-            s
-        };
-        Path::from_shape(Shape::Raster(self.clone()), s)
+        if self.corner.is_some() {
+            return Ok(even(self.arc_length(), intervals(self.arc_length(), step)));
+        }
+        let mut s = vec![0.0];
+        for piece in &self.pieces {
+            let n = intervals(piece.length, step);
+            s.extend(even(piece.length, n).iter().skip(1).map(|u| piece.start + u));
+        }
+        Ok(s)
     }
 
     /// Start of the first stroke, m.
@@ -381,7 +409,7 @@ fn check_positive(what: &str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { Err(out_of_range(what, value, "finite and > 0")) }
 }
 
-fn out_of_range(what: &str, value: f64, bound: &str) -> Error {
+pub(super) fn out_of_range(what: &str, value: f64, bound: &str) -> Error {
     Error::OutOfRange { what: what.into(), value, bound: bound.into() }
 }
 

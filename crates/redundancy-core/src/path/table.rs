@@ -11,19 +11,30 @@ pub(super) struct Table {
     pub header_line: u64,
     /// Line in the file and its numbers, one per column.
     pub rows: Vec<(u64, Vec<f64>)>,
+    /// One word per row, where the file has the column of words that was asked for; it is in neither header nor rows.
+    pub words: Option<Vec<String>>,
     file: String,
 }
 
 impl Table {
     /// Reads a whole file.
     pub fn read(file: &FilePath) -> Result<Self> {
+        Self::read_file(file, None)
+    }
+
+    /// Reads a whole file in which one column may hold words.
+    pub fn read_with_words(file: &FilePath, column: &str) -> Result<Self> {
+        Self::read_file(file, Some(column))
+    }
+
+    fn read_file(file: &FilePath, words: Option<&str>) -> Result<Self> {
         let name = file.display().to_string();
         let broken = |message: String| Error::File { file: name.clone(), message };
         let bytes = std::fs::read(file).map_err(|error| broken(format!("cannot be read: {error}")))?;
-        Self::parse(&name, &bytes)
+        Self::parse(&name, &bytes, words)
     }
 
-    fn parse(name: &str, bytes: &[u8]) -> Result<Self> {
+    fn parse(name: &str, bytes: &[u8], words: Option<&str>) -> Result<Self> {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let at = |line: u64, message: String| Error::File { file: format!("{name}:{line}"), message };
         let mut reader = csv::ReaderBuilder::new()
@@ -31,7 +42,8 @@ impl Table {
             .flexible(true)
             .trim(csv::Trim::All)
             .from_reader(text);
-        let mut table = Self { header: Vec::new(), header_line: 1, rows: Vec::new(), file: name.into() };
+        let mut table =
+            Self { header: Vec::new(), header_line: 1, rows: Vec::new(), words: None, file: name.into() };
         for record in reader.byte_records() {
             let record = record.map_err(|error| {
                 let line = error.position().map_or(1, |position| line_of(text, position));
@@ -62,6 +74,10 @@ impl Table {
             }
             let mut numbers = Vec::with_capacity(fields.len());
             for (field, column) in fields.iter().zip(&table.header) {
+                if words == Some(column) {
+                    table.words.get_or_insert_default().push((*field).to_owned());
+                    continue;
+                }
                 let value: f64 = field
                     .parse()
                     .map_err(|_| at(line, format!("column '{column}': '{field}' is not a number")))?;
@@ -80,6 +96,7 @@ impl Table {
                 return Err(table.error(table.header_line, format!("column '{name}' occurs twice")));
             }
         }
+        table.header.retain(|column| words != Some(column));
         Ok(table)
     }
 
@@ -108,11 +125,20 @@ fn line_of(text: &[u8], position: &csv::Position) -> u64 {
 
 /// Writes a header and rows of numbers; the shortest text that reads back as the same number.
 pub(super) fn write(file: &FilePath, header: &[String], rows: impl Iterator<Item = Vec<f64>>) -> Result<()> {
+    write_records(file, header, rows.map(|row| row.iter().map(f64::to_string).collect()))
+}
+
+/// Writes a header and rows of fields.
+pub(super) fn write_records(
+    file: &FilePath,
+    header: &[String],
+    rows: impl Iterator<Item = Vec<String>>,
+) -> Result<()> {
     let run = || -> csv::Result<()> {
         let mut writer = csv::Writer::from_path(file)?;
         writer.write_record(header)?;
         for row in rows {
-            writer.write_record(row.iter().map(f64::to_string))?;
+            writer.write_record(row)?;
         }
         writer.flush()?;
         Ok(())

@@ -1,12 +1,9 @@
 //! What comes out: joint positions and velocities over time, and what happened on the way.
 
 use std::fmt;
-use std::path::Path as FilePath;
 use std::str::FromStr;
 
-use serde::{Deserialize, Serialize};
-
-use super::table::{self, Table};
+use super::section::Section;
 use super::timing::differences;
 use crate::error::{Error, Result, check_finite, check_length};
 
@@ -127,6 +124,8 @@ pub struct Trajectory {
     t: Vec<f64>,
     q: Vec<f64>,
     qd: Vec<f64>,
+    qdd: Option<Vec<f64>>,
+    sections: Option<Vec<Section>>,
     events: Vec<Event>,
 }
 
@@ -194,7 +193,30 @@ impl Trajectory {
                 )));
             }
         }
-        Ok(Self { joint_names, t, q, qd, events })
+        Ok(Self { joint_names, t, q, qd, qdd: None, sections: None, events })
+    }
+
+    /// The same rows with their accelerations, one entry per joint: between rows the motion is then a quintic polynomial,
+    /// see [`sample`](Self::sample).
+    ///
+    /// # Errors
+    /// A length that does not match, numbers that are not finite.
+    pub fn with_accelerations(self, qdd: Vec<f64>) -> Result<Self> {
+        check_length("qdd", &qdd, self.q.len())?;
+        check_finite("qdd", &qdd)?;
+        Ok(Self { qdd: Some(qdd), ..self })
+    }
+
+    /// The same rows, each with the part of the motion to which it belongs.
+    ///
+    /// # Errors
+    /// Not one section per row.
+    pub fn with_sections(self, sections: Vec<Section>) -> Result<Self> {
+        let (expected, actual) = (self.rows(), sections.len());
+        if expected != actual {
+            return Err(Error::Length { what: "section".into(), expected, actual });
+        }
+        Ok(Self { sections: Some(sections), ..self })
     }
 
     /// The joints' names, base to tip.
@@ -227,6 +249,16 @@ impl Trajectory {
         &self.qd
     }
 
+    /// Joint accelerations row by row, rad/s^2 or m/s^2, where the trajectory carries them.
+    pub fn qdd(&self) -> Option<&[f64]> {
+        self.qdd.as_deref()
+    }
+
+    /// The part of the motion to which each row belongs, where the trajectory says so.
+    pub fn sections(&self) -> Option<&[Section]> {
+        self.sections.as_deref()
+    }
+
     /// Joint positions at one instant; empty past the end.
     pub fn q_row(&self, i: usize) -> &[f64] {
         self.q.chunks_exact(self.dof()).nth(i).unwrap_or_default()
@@ -240,172 +272,5 @@ impl Trajectory {
     /// What happened on the way, in order.
     pub fn events(&self) -> &[Event] {
         &self.events
-    }
-
-    /// Writes `t,<joint>...,<joint>_velocity...`, one line per instant. Events are not part of it.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn to_csv(&self, file: impl AsRef<FilePath>) -> Result<()> {
-        let mut header = vec!["t".to_owned()];
-        header.extend(self.joint_names.iter().cloned());
-        header.extend(self.joint_names.iter().map(|name| format!("{name}{VELOCITY}")));
-        let rows = (0..self.rows()).map(|i| {
-            let mut row = vec![self.t[i]];
-            row.extend(self.q_row(i));
-            row.extend(self.qd_row(i));
-            row
-        });
-        table::write(file.as_ref(), &header, rows)
-    }
-
-    /// Reads what [`to_csv`](Self::to_csv) writes.
-    ///
-    /// # Errors
-    /// A file that cannot be read, a header of another form, fields that are no finite numbers, times that do not
-    /// increase: with the file's name and line.
-    pub fn from_csv(file: impl AsRef<FilePath>) -> Result<Self> {
-        let table = Table::read(file.as_ref())?;
-        let n = (table.header.len() - 1) / 2;
-        let names = table.header.get(1..=n).unwrap_or_default().to_vec();
-        let velocities = names.iter().map(|name| format!("{name}{VELOCITY}"));
-        let mut expected = vec!["t".to_owned()];
-        expected.extend(names.iter().cloned());
-        expected.extend(velocities);
-        if n == 0 || expected != table.header {
-            let message = format!(
-                "the header is '{}', expected t, the joint names, then the joint names with {VELOCITY}",
-                table.header.join(",")
-            );
-            return Err(table.error(table.header_line, message));
-        }
-        if let Some(i) = (1..table.rows.len()).find(|i| table.rows[*i].1[0] <= table.rows[*i - 1].1[0]) {
-            let (now, before) = (table.rows[i].1[0], table.rows[i - 1].1[0]);
-            return Err(table.error(table.rows[i].0, format!("t is {now} after {before}, it must increase")));
-        }
-        let cut = |from: usize, to: usize| {
-            table.rows.iter().flat_map(|row| row.1[from..to].iter().copied()).collect::<Vec<f64>>()
-        };
-        Self::new(names, cut(0, 1), cut(1, n + 1), Some(cut(n + 1, 2 * n + 1)), Vec::new())
-            .map_err(|error| table.error_in_file(error.to_string()))
-    }
-
-    /// Writes the fields of ROS `trajectory_msgs/JointTrajectory` (`joint_names`, `points` with `positions`,
-    /// `velocities`, `time_from_start` in `sec` and `nanosec`), and `events` beside them.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn to_json(&self, file: impl AsRef<FilePath>) -> Result<()> {
-        let points = (0..self.rows()).map(|i| Point {
-            positions: self.q_row(i).to_vec(),
-            velocities: Some(self.qd_row(i).to_vec()),
-            time_from_start: Duration::from_seconds(self.t[i]),
-        });
-        let events = self.events.iter().map(|event| EventRecord {
-            kind: event.kind.as_str().into(),
-            index: event.index,
-            t: event.t,
-            s: event.s,
-            message: event.message.clone(),
-        });
-        let document = Document {
-            joint_names: self.joint_names.clone(),
-            points: points.collect(),
-            events: events.collect(),
-        };
-        let error = |message: String| Error::File { file: file.as_ref().display().to_string(), message };
-        let text = serde_json::to_string(&document).map_err(|e| error(format!("cannot be written: {e}")))?;
-        std::fs::write(file.as_ref(), text).map_err(|e| error(format!("cannot be written: {e}")))
-    }
-
-    /// Reads what [`to_json`](Self::to_json) writes, or a ROS `JointTrajectory` as JSON; times come back to the
-    /// nanosecond. Velocities and events may be missing; other fields are ignored.
-    ///
-    /// # Errors
-    /// A file that cannot be read, is not JSON of this form, or whose numbers make no trajectory.
-    pub fn from_json(file: impl AsRef<FilePath>) -> Result<Self> {
-        let name = file.as_ref().display().to_string();
-        let broken = |file: String, message: String| Error::File { file, message };
-        let bytes = std::fs::read(file.as_ref())
-            .map_err(|error| broken(name.clone(), format!("cannot be read: {error}")))?;
-        let document: Document = serde_json::from_slice(&bytes)
-            .map_err(|error| broken(format!("{name}:{}", error.line()), error.to_string()))?;
-        let n = document.joint_names.len();
-        for (i, point) in document.points.iter().enumerate() {
-            let lengths = [Some(&point.positions), point.velocities.as_ref()];
-            if let Some(values) = lengths.into_iter().flatten().find(|values| values.len() != n) {
-                let message = format!("point {i} has {} numbers for {n} joints", values.len());
-                return Err(broken(name, message));
-            }
-        }
-        let t = document.points.iter().map(|point| point.time_from_start.seconds()).collect();
-        let q = document.points.iter().flat_map(|point| point.positions.iter().copied()).collect();
-        let complete = document.points.iter().all(|point| point.velocities.is_some());
-        let qd = complete.then(|| {
-            document
-                .points
-                .iter()
-                .filter_map(|point| point.velocities.as_deref())
-                .flatten()
-                .copied()
-                .collect()
-        });
-        let events = document.events.into_iter().map(|event| {
-            let kind = event.kind.parse()?;
-            Ok(Event { kind, index: event.index, t: event.t, s: event.s, message: event.message })
-        });
-        events
-            .collect::<Result<Vec<_>>>()
-            .and_then(|events| Self::new(document.joint_names, t, q, qd, events))
-            .map_err(|error| broken(name, error.to_string()))
-    }
-}
-
-const VELOCITY: &str = "_velocity";
-
-#[derive(Serialize, Deserialize)]
-struct Document {
-    joint_names: Vec<String>,
-    points: Vec<Point>,
-    #[serde(default)]
-    events: Vec<EventRecord>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Point {
-    positions: Vec<f64>,
-    #[serde(default)]
-    velocities: Option<Vec<f64>>,
-    time_from_start: Duration,
-}
-
-#[derive(Serialize, Deserialize)]
-struct EventRecord {
-    kind: String,
-    index: usize,
-    t: f64,
-    s: f64,
-    message: String,
-}
-
-/// ROS `builtin_interfaces/Duration`: whole seconds and the nanoseconds after them.
-#[derive(Serialize, Deserialize)]
-struct Duration {
-    sec: i64,
-    nanosec: u32,
-}
-
-impl Duration {
-    const NANO: f64 = 1e9;
-
-    fn from_seconds(t: f64) -> Self {
-        let nanosec = ((t - t.floor()) * Self::NANO).round();
-        // 0.999 999 999 6 s is a whole second.
-        let carry = nanosec >= Self::NANO;
-        Self { sec: t.floor() as i64 + i64::from(carry), nanosec: if carry { 0 } else { nanosec as u32 } }
-    }
-
-    fn seconds(&self) -> f64 {
-        self.sec as f64 + f64::from(self.nanosec) / Self::NANO
     }
 }

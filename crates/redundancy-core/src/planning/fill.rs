@@ -3,10 +3,9 @@
 //! Between two configurations the joints go straight, and each row is pulled onto the task. Where they are not
 //! connected (another branch, a fold in between) a step is far longer than the straight line's: that step is refused.
 
-use rayon::prelude::*;
-
 use super::demand::Demand;
 use super::pull::{Pull, Puller};
+use crate::parallel::prelude::*;
 
 /// Fills the line `q` on `from` (rows of `demand`, ascending) to the rows `to`, which hold those of `from`.
 /// The error is the first step of the line that is not connected.

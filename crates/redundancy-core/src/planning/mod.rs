@@ -14,10 +14,12 @@ mod swivel_plan;
 mod tool;
 
 pub use demand::{Objective, PlanSettings};
+pub use layers::srs::settings::{SwivelChoice, SwivelPlanSettings};
 pub use local::{FlowForm, FlowState, FlowStep, SwivelFlow, SwivelFlowSettings, Track, TrackSettings, track};
+pub use painting::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};
+#[cfg(feature = "plan")]
 pub use painting::{
-    BarrierRule, OrientationPlan, OrientationPlanSettings, OrientationRule, PlanWatch, RuleKind, RuleSpin,
-    SpinRange, Surface, plan_orientation, tool_down,
+    Bottleneck, OrientationPlan, OrientationPlanSettings, SpeedBound, SpinRange, plan_orientation,
 };
 pub use planner::plan;
-pub use swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, plan_swivel};
+pub use swivel_plan::plan_swivel;

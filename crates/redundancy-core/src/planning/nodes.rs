@@ -6,11 +6,11 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::demand::Demand;
 use super::pull::{MOST_JOINTS, Pull, Puller};
 use crate::kinematics::rotation_vector;
+use crate::parallel::prelude::*;
 
 /// States over some rows of a problem.
 #[derive(Debug, Clone)]

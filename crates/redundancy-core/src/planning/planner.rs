@@ -8,8 +8,6 @@
 //! 3. **Refinement** of each line on more points, of the best ones on all of them, to a local optimum ([`refine`]).
 //! 4. **Verification** of what is returned.
 
-use rayon::prelude::*;
-
 use super::demand::{Demand, Objective, PlanSettings};
 use super::fill::fill;
 use super::nodes::Nodes;
@@ -17,6 +15,7 @@ use super::refine::{Goal, Refined, Refinement, refine};
 use super::search::{Line, Search};
 use crate::chain::Chain;
 use crate::error::Result;
+use crate::parallel::prelude::*;
 use crate::path::{Path, Plan, PlanBuilder, TimingSettings, Trajectory, times_within_limits};
 use crate::status::Status;
 use crate::tolerance::FREE_SPEED;
@@ -226,7 +225,7 @@ fn finish(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Plan> {
         let tilt = (0..rows).map(|row| demand.tool.tilt_of(&poses[row], target(row))).collect();
         let mut spin: Vec<f64> = (0..rows).map(|row| demand.tool.spin_of(&poses[row], target(row))).collect();
         for k in 1..rows {
-            spin[k] = spin[k - 1] + crate::rotation::wrap(spin[k] - spin[k - 1]);
+            spin[k] = spin[k - 1] + crate::joint_space::wrap(spin[k] - spin[k - 1]);
         }
         builder = builder.tilt(tilt).spin(spin);
     }

@@ -38,8 +38,6 @@ impl Pull {
     pub const FAR: Self = Self { tilt: 0.9, spin: 0.9, done: 1e-4, steps: 30, longest: 0.5 };
     /// From the point before.
     pub const NEAR: Self = Self { tilt: 0.98, spin: 0.98, done: 1e-3, steps: 8, longest: 0.5 };
-    /// To the last digit.
-    pub const EXACT: Self = Self { tilt: 0.98, spin: 0.98, done: 1e-6, steps: 12, longest: 0.5 };
 }
 
 impl<'a> Puller<'a> {

@@ -7,10 +7,9 @@
 
 use std::f64::consts::TAU;
 
-use rayon::prelude::*;
-
 use super::demand::Demand;
 use super::nodes::Nodes;
+use crate::parallel::prelude::*;
 
 /// A line through the states.
 #[derive(Debug, Clone)]
@@ -19,8 +18,6 @@ pub(super) struct Line {
     pub states: Vec<usize>,
     /// Configurations, windings continuous.
     pub q: Vec<f64>,
-    /// What it costs on the layers.
-    pub cost: f64,
 }
 
 /// The graph of states and steps.
@@ -106,7 +103,7 @@ impl<'a> Search<'a> {
             for (layer, state) in states.iter().enumerate() {
                 seen[layer][*state] = true;
             }
-            self.push_if_new(&mut out, states, f64::from(cost));
+            self.push_if_new(&mut out, states);
         }
         out
     }
@@ -167,13 +164,13 @@ impl<'a> Search<'a> {
             if out.len() >= count {
                 break;
             }
-            self.push_if_new(&mut out, found[i].1.clone(), f64::from(found[i].0));
+            self.push_if_new(&mut out, found[i].1.clone());
         }
         out
     }
 
     /// Adds a line that lies within its limits and away from the others.
-    fn push_if_new(&self, out: &mut Vec<Line>, states: Vec<usize>, cost: f64) {
+    fn push_if_new(&self, out: &mut Vec<Line>, states: Vec<usize>) {
         let Some(q) = self.unwound(&states) else { return };
         let layers = states.len() as f64;
         let apart = |other: &Line| {
@@ -183,7 +180,7 @@ impl<'a> Search<'a> {
             (square / layers).sqrt() > APART
         };
         if out.iter().all(apart) {
-            out.push(Line { states, q, cost });
+            out.push(Line { states, q });
         }
     }
 

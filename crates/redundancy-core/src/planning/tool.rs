@@ -18,9 +18,9 @@ use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use crate::chain::axis_onto_z;
 use crate::error::{Error, Result};
+use crate::joint_space::wrap;
 use crate::kinematics::{Kinematics, SpinFreedom, Task, TaskKind, ToolFreedom, rotation_vector};
 use crate::pose::Pose;
-use crate::rotation::wrap;
 
 /// Which coordinates of the position count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -145,16 +145,6 @@ impl ToolTask {
     /// True where the orientation counts, as equations or inequalities.
     pub fn oriented(&self) -> bool {
         self.orientation != OrientationRows::Open || self.bounds() > 0
-    }
-
-    /// Largest angle of the tool axis, where that is an inequality.
-    pub fn cone(&self) -> Option<f64> {
-        self.cone
-    }
-
-    /// Largest twist, where that is an inequality.
-    pub fn spin(&self) -> Option<f64> {
-        self.spin
     }
 
     /// A point of the path, prepared.

@@ -205,7 +205,8 @@ impl TwoPulls {
     /// The margins at `z`; `None` outside.
     #[inline]
     fn margins(&self, z: &Unit<Vector3<f64>>) -> Option<[f64; 2]> {
-        let [m1, m2] = [0, 1].map(|i| self.directions[i].dot(z) - self.cosines[i]);
+        let m1 = self.directions[0].dot(z) - self.cosines[0];
+        let m2 = self.directions[1].dot(z) - self.cosines[1];
         (m1 > 0.0 && m2 > 0.0).then_some([m1, m2])
     }
 

@@ -42,10 +42,10 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Matrix3, Quaternion, SymmetricEigen, Unit, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use crate::Status;
 use crate::error::{Error, Result, check_finite};
+use crate::parallel::prelude::*;
 use crate::rotation::arc::{TwoCones, on_arc};
 use crate::rotation::barrier::{self, Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Spin, unpack};
@@ -939,7 +939,7 @@ fn base_of(axis: &Unit<Vector3<f64>>, barriers: &[Barrier]) -> UnitQuaternion<f6
 /// minimises `-k_err log((z . n - cos beta)/2) - k_tcp log((z . d - cos alpha)/2)` [FromGravdahl2009, eq. (34)];
 /// where the cones miss each other it is the middle of the gap and the status `Infeasible`. `normals` are the
 /// directions that the tool axis should follow: for a tool that looks at a surface, into the surface. Rows need not
-/// be of unit length. Runs on the current rayon pool; the results do not depend on its size.
+/// be of unit length. Runs on the current pool; the results do not depend on its size.
 ///
 /// # Errors
 /// Inputs and outputs of different lengths, a row without a direction, a half-angle outside (0, pi), a weight that is

@@ -20,10 +20,10 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use crate::error::{Error, Result, check_finite};
-use crate::tolerance::{ANGLE_PART, DIRECTION_NORM, QUATERNION_UNIT, SAME_AXIS};
+use crate::tolerance::{ANGLE_PART, DIRECTION_NORM, QUATERNION_NORM, QUATERNION_UNIT, SAME_AXIS};
 
 /// Unit quaternion from its entries `(w, x, y, z)`; it is normalised.
 ///
@@ -104,13 +104,69 @@ pub fn from_axis_angle(axis: [f64; 3], angle: f64) -> Result<UnitQuaternion<f64>
     Ok(about(&unit_direction("axis", axis)?, angle))
 }
 
+/// Unit quaternion from entries `(w, x, y, z)` that may be rounded: a norm within [`QUATERNION_NORM`] of 1 is normalised.
+/// `what` names them in messages.
+///
+/// # Errors
+/// An entry that is not finite, or a norm further from 1.
+///
+/// ```
+/// use redundancy_core::rotation::from_rounded_wxyz;
+/// assert!((from_rounded_wxyz("q", [0.707, 0.707, 0.0, 0.0])?.norm() - 1.0).abs() < 1e-15);
+/// assert!(from_rounded_wxyz("q", [0.7, 0.7, 0.0, 0.0]).is_err());
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+pub fn from_rounded_wxyz(what: &str, wxyz: [f64; 4]) -> Result<UnitQuaternion<f64>> {
+    check_finite(what, &wxyz)?;
+    let norm = Quaternion::new(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).norm();
+    if (norm - 1.0).abs() > QUATERNION_NORM {
+        return Err(Error::NotUnit { what: what.into(), norm, tolerance: QUATERNION_NORM });
+    }
+    let exact = (norm - 1.0).abs() <= f64::EPSILON;
+    from_wxyz(if exact { wxyz } else { wxyz.map(|entry| entry / norm) })
+}
+
+/// Unit vector and angle, rad in [0, pi], of a rotation. The vector of no rotation is z.
+///
+/// `angle = 2 atan2(|v|, |w|)` keeps its digits at both ends; of `Q` and `-Q` the one with a scalar part >= 0 is read.
+///
+/// ```
+/// use redundancy_core::rotation::{from_axis_angle, to_axis_angle};
+/// let (axis, angle) = to_axis_angle(&from_axis_angle([0.0, 2.0, 0.0], -0.5)?);
+/// assert!((axis.y + 1.0).abs() < 1e-15 && (angle - 0.5).abs() < 1e-15);
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+pub fn to_axis_angle(q: &UnitQuaternion<f64>) -> (Unit<Vector3<f64>>, f64) {
+    let v = if q.w < 0.0 { -q.imag() } else { q.imag() };
+    // The scale keeps the squares of very short vectors.
+    let scale = v.amax();
+    if scale == 0.0 {
+        return (Vector3::z_axis(), 0.0);
+    }
+    let (axis, norm) = Unit::new_and_get(v / scale);
+    (axis, 2.0 * (norm * scale).atan2(q.w.abs()))
+}
+
+/// Unit quaternion of a rotation, with a scalar part >= 0.
+///
+/// ```
+/// use redundancy_core::rotation::{from_axis_angle, from_rotation};
+/// let q = from_axis_angle([0.3, -0.2, 0.9], 3.0)?;
+/// assert!((from_rotation(&q.to_rotation_matrix()).coords - q.coords).norm() < 1e-15);
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+pub fn from_rotation(rotation: &Rotation3<f64>) -> UnitQuaternion<f64> {
+    let q = UnitQuaternion::from_rotation_matrix(rotation);
+    if q.w < 0.0 { Unit::new_unchecked(-q.into_inner()) } else { q }
+}
+
 /// Product of unit quaternions with the drift of the norm removed.
-pub(crate) fn compose(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+pub fn compose(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     Unit::new_normalize(a.as_ref() * b.as_ref())
 }
 
-/// `angle` modulo 2 pi, in [-pi, pi].
-pub(crate) fn wrap(angle: f64) -> f64 {
+/// An angle of rotation modulo 2 pi, in [-pi, pi]. The angles of joints are the matter of `joint_space`.
+pub(super) fn wrap(angle: f64) -> f64 {
     let wrapped = angle - TAU * (angle / TAU).round();
     wrapped.clamp(-PI, PI)
 }

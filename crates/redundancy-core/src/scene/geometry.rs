@@ -70,6 +70,7 @@ impl LinkGeometry {
     ///
     /// # Errors
     /// As of [`Chain::collision_from_urdf`], and a URDF without any collision geometry on the moving links.
+    #[cfg(feature = "urdf")]
     pub fn from_urdf(chain: &Chain, path: impl AsRef<Path>) -> Result<Self> {
         Self::of_bodies(chain, &chain.collision_from_urdf(path)?)
     }

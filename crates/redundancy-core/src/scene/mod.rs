@@ -5,13 +5,13 @@
 
 pub mod distance;
 mod geometry;
+#[cfg(feature = "io")]
 mod json;
 mod obstacle;
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 pub use distance::{Nearest, segment_distance};
 pub use geometry::{LinkCapsule, LinkGeometry};
@@ -20,6 +20,7 @@ pub use obstacle::{Capsule, Cuboid, Obstacle, Shape, Sphere};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::{Kinematics, Scratch};
+use crate::parallel::prelude::*;
 
 /// Most obstacles of a scene: distances are computed one by one.
 const MAX_OBSTACLES: usize = 100_000;

@@ -9,10 +9,10 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::chain::{Chain, JointKind};
+use crate::joint_space::{most_apart, nearest, shift, shift_within};
 use crate::kinematics::{Corrector, CorrectorSettings, StepBound, Task};
 use crate::pose::Pose;
-use crate::solutions::SphericalWristArm;
-use crate::solutions::{SrsArm, Swivel};
+use crate::solutions::ClosedForm;
 use crate::tolerance::{JOINT_JUMP, LINE_DEFECT, LINE_RESIDUAL, LINE_SINGULAR, SAME_LINE, START_NEAR};
 
 /// Most Newton steps from one point of a path to the next.
@@ -20,8 +20,6 @@ const NEWTON_STEPS: usize = 12;
 /// Most damped steps from a random configuration, and how many of those are tried where there is no closed form.
 const START_STEPS: usize = 60;
 const START_DRAWS: usize = 120;
-/// Swivels at which a seven-joint arm with a closed form starts.
-const START_SWIVELS: usize = 12;
 
 /// Why a line ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,35 +78,26 @@ pub(crate) fn wind(chain: &Chain, line: &mut [f64]) -> Result<(), (usize, usize)
         if joint.kind == JointKind::Continuous || (lo == f64::NEG_INFINITY && hi == f64::INFINITY) {
             continue;
         }
-        let turn = std::f64::consts::TAU;
-        let shift = if joint.kind == JointKind::Prismatic {
-            0.0
+        let (shift, fits) = if joint.kind == JointKind::Prismatic {
+            (0.0, least >= lo && most <= hi)
         } else {
-            let middle = 0.5 * (lo.max(-1e3) + hi.min(1e3));
-            turn * ((middle - 0.5 * (least + most)) / turn).round()
+            shift_within([least, most], lo, hi)
         };
-        let fits = |s: f64| least + s >= lo && most + s <= hi;
-        let turns: &[f64] = if joint.kind == JointKind::Prismatic { &[0.0] } else { &[0.0, turn, -turn] };
-        let Some(extra) = turns.iter().find(|e| fits(shift + **e)) else {
+        if !fits {
             let outside = column().position(|q| q + shift < lo || q + shift > hi).unwrap_or(0);
             return Err((j, outside));
-        };
+        }
         for q in line.iter_mut().skip(j).step_by(n) {
-            *q += shift + extra;
+            *q += shift;
         }
     }
     Ok(())
 }
 
 /// Configurations over a pose, from the closed form where there is one, else from seeded random starts. Joints modulo turns.
-pub(crate) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
-    if let Ok(arm) = SrsArm::new(chain) {
-        let swivels = (0..START_SWIVELS).map(|k| std::f64::consts::TAU * k as f64 / START_SWIVELS as f64);
-        let rows = swivels.filter_map(|s| arm.solve(pose, Swivel::Angle(s), false).ok());
-        return distinct(rows.flatten().map(|q| q.to_vec()));
-    }
-    if let Ok(arm) = SphericalWristArm::new(chain) {
-        return distinct(arm.solve(pose, false).into_iter().flatten().map(|q| q.to_vec()));
+pub(crate) fn starts(chain: &Chain, form: Option<&dyn ClosedForm>, pose: &Pose) -> Vec<Vec<f64>> {
+    if let Some(form) = form {
+        return distinct(form.starts(pose).into_iter());
     }
     let Ok(mut corrector) = Corrector::new(chain, Task::POSE, pose) else { return Vec::new() };
     let mut rng = ChaCha8Rng::seed_from_u64(0);
@@ -132,27 +121,24 @@ pub(crate) fn starts(chain: &Chain, pose: &Pose) -> Vec<Vec<f64>> {
     distinct(draws)
 }
 
-/// All lines over the poses at once, from the closed form of an arm with a spherical wrist: one solution per pose gives all
-/// branches. Lines that end or jump are left out. `None` for other arms, and where rounding in the description would show in
-/// second derivatives.
-pub(crate) fn closed_form(chain: &Chain, poses: &[Pose]) -> Option<Vec<Vec<f64>>> {
-    let arm = SphericalWristArm::new(chain).ok()?;
-    let defect = arm.defect();
-    if defect.position.max(defect.orientation) > LINE_DEFECT {
+/// All lines over the poses at once, from the closed form of an arm with isolated configurations: one solution per pose
+/// gives all branches. Lines that end or jump are left out. `None` for other arms, and where rounding in the description
+/// would show in second derivatives.
+pub(crate) fn all_branches(form: &dyn ClosedForm, poses: &[Pose]) -> Option<Vec<Vec<f64>>> {
+    if form.branches() == 0 || form.defect().largest() > LINE_DEFECT {
         return None;
     }
-    const N: usize = 6;
-    let mut lines: [Option<Vec<f64>>; 8] = std::array::from_fn(|_| Some(Vec::with_capacity(N * poses.len())));
-    let mut rows = [[0.0; N]; 8];
+    let n = form.chain().dof();
+    let mut lines: Vec<Option<Vec<f64>>> = vec![Some(Vec::with_capacity(n * poses.len())); form.branches()];
+    let mut rows = vec![0.0; n * form.branches()];
     for pose in poses {
-        let mask = arm.solve_into(pose, false, &mut rows);
-        for (b, line) in lines.iter_mut().enumerate() {
+        let mask = form.branches_into(pose, &mut rows);
+        for ((b, line), row) in lines.iter_mut().enumerate().zip(rows.chunks_exact(n)) {
             let Some(values) = line else { continue };
             let mut holds = mask & (1 << b) != 0;
-            let before = values.len().checked_sub(N);
-            for (j, q) in rows[b].iter().enumerate() {
-                let value =
-                    before.map_or(*q, |at| values[at + j] + crate::rotation::wrap(q - values[at + j]));
+            let before = values.len().checked_sub(n);
+            for (j, q) in row.iter().enumerate() {
+                let value = before.map_or(*q, |at| nearest(*q, values[at + j]));
                 holds &= before.is_none_or(|at| (value - values[at + j]).abs() <= JOINT_JUMP);
                 values.push(value);
             }
@@ -165,20 +151,17 @@ pub(crate) fn closed_form(chain: &Chain, poses: &[Pose]) -> Option<Vec<Vec<f64>>
     if lines.is_empty() { None } else { Some(lines) }
 }
 
-/// The line whose beginning is nearest to `start`, in the winding of `start`; `None` as [`closed_form`], or where none is near.
-pub(crate) fn closed_form_from(chain: &Chain, poses: &[Pose], start: &[f64]) -> Option<Vec<f64>> {
-    let away = |line: &[f64]| {
-        line.iter().zip(start).map(|(q, s)| crate::rotation::wrap(q - s).abs()).fold(0.0, f64::max)
-    };
-    let mut line = closed_form(chain, poses)?.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
+/// The line whose beginning is nearest to `start`, in the winding of `start`; `None` as [`all_branches`], or where none is near.
+pub(crate) fn branch_from(form: &dyn ClosedForm, poses: &[Pose], start: &[f64]) -> Option<Vec<f64>> {
+    let away = |line: &[f64]| most_apart(&line[..start.len().min(line.len())], start);
+    let mut line = all_branches(form, poses)?.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     if away(&line) > JOINT_JUMP {
         return None;
     }
-    let turn = std::f64::consts::TAU;
-    let turns: Vec<f64> = line.iter().zip(start).map(|(q, s)| turn * ((s - q) / turn).round()).collect();
-    for row in line.chunks_exact_mut(turns.len()) {
-        for (q, turns) in row.iter_mut().zip(&turns) {
-            *q += turns;
+    let shifts: Vec<f64> = line.iter().zip(start).map(|(q, s)| shift(s - q)).collect();
+    for row in line.chunks_exact_mut(shifts.len()) {
+        for (q, shift) in row.iter_mut().zip(&shifts) {
+            *q += shift;
         }
     }
     Some(line)
@@ -186,15 +169,10 @@ pub(crate) fn closed_form_from(chain: &Chain, poses: &[Pose], start: &[f64]) -> 
 
 /// Points that no configuration reaches, joint limits aside: exact for arms with a closed form, otherwise those that are
 /// further from the first joint than the arm is long.
-pub(crate) fn unreachable(chain: &Chain, poses: &[Pose]) -> Vec<usize> {
+pub(crate) fn unreachable(chain: &Chain, form: Option<&dyn ClosedForm>, poses: &[Pose]) -> Vec<usize> {
     let out = |reached: &dyn Fn(&Pose) -> bool| (0..poses.len()).filter(|k| !reached(&poses[*k])).collect();
-    if let Ok(arm) = SphericalWristArm::new(chain) {
-        let reached = |pose: &Pose| arm.solve_into(pose, false, &mut [[0.0; 6]; 8]) != 0;
-        return out(&reached);
-    }
-    if let Ok(arm) = SrsArm::new(chain) {
-        let reached = |pose: &Pose| arm.solve(pose, Swivel::Angle(0.0), false).is_ok_and(|q| !q.is_empty());
-        return out(&reached);
+    if let Some(form) = form {
+        return out(&|pose: &Pose| form.in_reach(pose));
     }
     let base = chain.base() * chain.joints().first().map_or_else(Pose::identity, |j| j.placement);
     let reach = reach(chain);
@@ -202,7 +180,7 @@ pub(crate) fn unreachable(chain: &Chain, poses: &[Pose]) -> Vec<usize> {
 }
 
 /// Distance from the first joint beyond which nothing can be reached: frame to frame, added up.
-fn reach(chain: &Chain) -> f64 {
+pub(super) fn reach(chain: &Chain) -> f64 {
     let mut reach = 0.0;
     for (i, joint) in chain.joints().iter().enumerate() {
         if i > 0 {
@@ -220,10 +198,7 @@ fn reach(chain: &Chain) -> f64 {
 fn distinct(rows: impl Iterator<Item = Vec<f64>>) -> Vec<Vec<f64>> {
     let mut kept: Vec<Vec<f64>> = Vec::new();
     for q in rows {
-        let same = |other: &Vec<f64>| {
-            q.iter().zip(other).all(|(a, b)| crate::rotation::wrap(a - b).abs() < SAME_LINE)
-        };
-        if !kept.iter().any(same) {
+        if !kept.iter().any(|other| most_apart(&q, other) < SAME_LINE) {
             kept.push(q);
         }
     }

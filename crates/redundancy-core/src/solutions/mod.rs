@@ -6,22 +6,31 @@
 
 pub mod closed_form;
 mod continuation;
+mod curve;
+mod found;
 pub(crate) mod lines;
+mod over_pose;
+mod patch;
+pub(crate) mod search;
 #[allow(clippy::module_inception)] // the trait's file has the name of the trait
 mod solutions;
 
+#[cfg(feature = "panda-class")]
+pub use closed_form::panda_class::{PandaClassArm, PandaMotion};
+pub use closed_form::parallel_axes::{ParallelAxesArm, ParallelAxesConfigurations};
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
 pub use closed_form::srs::{BatchChoice, Branch, BranchInterval, Chart, Choice, SelfMotion, SrsArm, Swivel};
 pub use closed_form::{ClosedForm, Defect, closed_form};
-pub use continuation::{
-    SelfMotionCurve, TraceSettings, self_motion_curves, self_motion_patch, trace_self_motion,
-};
-pub(crate) use continuation::{geometric, random_configurations, short_way, wind};
+pub(crate) use continuation::random_configurations;
+pub use continuation::{TraceSettings, self_motion_curves, trace_self_motion};
+pub use curve::SelfMotionCurve;
+pub(crate) use curve::geometric;
+pub use found::{FoundPoints, TracedCurves};
+pub use over_pose::{SolutionsSettings, solutions};
+pub use patch::self_motion_patch;
+pub(crate) use search::room;
 pub use solutions::{Solution, Solutions};
 pub(crate) use solutions::{check_margin, check_piece};
 
 // What the closed forms share.
-pub(crate) use closed_form::srs::{
-    Line, at, distance_to_line, nearest_winding, opposite, orthonormal, outside, principal, rotation_y,
-    signs, spherical, within, wrapped,
-};
+pub(crate) use closed_form::srs::{Line, at, distance_to_line, orthonormal, rotation_y, signs, spherical};

@@ -6,7 +6,9 @@
 //! [`Solutions::intervals`] says where they do.
 //!
 //! Implemented by [`SelfMotion`](crate::solutions::SelfMotion) (up to eight circles, u is the swivel),
-//! [`Configurations`](crate::solutions::Configurations) (up to eight points) and curves found by continuation.
+//! [`Configurations`](crate::solutions::Configurations) (up to eight points), and for arms without a closed form
+//! [`TracedCurves`](crate::solutions::TracedCurves) and [`FoundPoints`](crate::solutions::FoundPoints). To ask for them:
+//! [`solutions`](crate::solutions::solutions()).
 
 use std::fmt::Debug;
 

@@ -20,13 +20,14 @@
 //! References: [FromGravdahl2007], [PhamPham2018].
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use crate::chain::{Body, Chain};
 use crate::error::{Error, Result, check_finite, check_length, check_vector};
 use crate::kinematics::DynamicsScratch;
+use crate::parallel::prelude::*;
 use crate::path::knot_derivatives;
 use crate::pose::Pose;
+use crate::solutions::closed_form;
 use crate::solutions::lines::{self, LineEnd};
 use crate::tolerance::TORQUE_LEFT;
 
@@ -191,9 +192,11 @@ pub fn fastest_line(
     settings.check_masses(chain)?;
     check_length("s", s, poses.len())?;
     let first = poses.first().ok_or_else(|| Error::Invalid("the path has no point".into()))?;
+    let form = closed_form(chain);
+    let form = form.as_deref();
     if let Some(start) = start {
         check_vector("q0", start, chain.dof())?;
-        let line = match lines::closed_form_from(chain, poses, start) {
+        let line = match form.and_then(|form| lines::branch_from(form, poses, start)) {
             Some(line) => line,
             None => {
                 lines::follow(chain, poses, start).map_err(|(k, why)| cannot_follow(chain, poses, k, why))?
@@ -209,10 +212,11 @@ pub fn fastest_line(
             .and_then(|terms| terms.constant(chain, settings))
             .map_err(Failure::Speed)
     };
-    let tried: Vec<std::result::Result<MaxSpeed, Failure>> = match lines::closed_form(chain, poses) {
+    let branches = form.and_then(|form| lines::all_branches(form, poses));
+    let tried: Vec<std::result::Result<MaxSpeed, Failure>> = match branches {
         Some(lines) => lines.into_par_iter().map(finish).collect(),
         None => {
-            let candidates = lines::starts(chain, first);
+            let candidates = lines::starts(chain, form, first);
             if candidates.is_empty() {
                 return Err(cannot_follow(chain, poses, 0, LineEnd::Lost));
             }
@@ -272,7 +276,7 @@ pub(crate) fn cannot_follow(chain: &Chain, poses: &[Pose], k: usize, why: LineEn
     if why == LineEnd::Jump {
         return Error::CannotFollow(format!("the arm would have to jump before point {k} of {total}"));
     }
-    let far = lines::unreachable(chain, poses);
+    let far = lines::unreachable(chain, closed_form(chain).as_deref(), poses);
     if let (Some(first), Some(last)) = (far.first(), far.last()) {
         let count = far.len();
         let which = if last - first + 1 == count { format!("{first} to {last}") } else { list(&far) };
@@ -525,7 +529,7 @@ const VERTEX_STEPS: usize = 64;
 ///
 /// For fixed x the rows leave `u` an interval `[lo(x), hi(x)]`; `hi - lo` is concave and piecewise linear. Newton's method
 /// on it goes from vertex to vertex: from outside it never steps over the end of the feasible part.
-fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<f64> {
+pub(super) fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<f64> {
     // Bounds without u.
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for [a, b, c] in rows {

@@ -23,17 +23,21 @@
 //! Even so it decides locally: it can be led into a dead end from which only the other way round the obstacle
 //! leads out. [`plan_swivel`](super::plan_swivel) sees the whole path.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use crate::error::{Error, Result, check_finite};
-use crate::path::{Event, EventKind, Path, Trajectory};
+use crate::joint_space::nearest;
+use crate::path::{Event, EventKind, Path, Plan, Trajectory};
 use crate::planning::layers::srs::clearance::{ArmClearance, Now, Rates};
-use crate::planning::swivel_plan::SwivelPlan;
+use crate::planning::layers::srs::explain::swivel_plan;
 use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::solutions::{SelfMotion, SrsArm};
 use crate::status::Status;
-use crate::tolerance::{BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, FLOW_TURN, JOINT_JUMP};
+use crate::tolerance::{
+    BARRIER_SLOPE, FLOW_FRICTION, FLOW_SLOPE, FLOW_SMOOTHING, FLOW_TURN, JOINT_JUMP, SPEED_ROUNDING,
+};
+use crate::watch::{Interrupted, Watch};
 
 /// Which dynamical system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -276,91 +280,105 @@ impl SwivelFlow {
     /// Along a path with times, one row every `dt` and one at its end, from the swivel `s0`. `desired` has one angle, or
     /// one for every row ([`SwivelFlow::times`]).
     ///
+    /// `Converged`; `Limits` where a row breaks a joint position limit; `Infeasible` where it touches an obstacle or a
+    /// joint exceeds its speed limit; `Cancelled` or `TimeLimit` with the rows so far.
+    ///
     /// # Errors
     /// A path without times or orientations, or of one point; `dt <= 0`; a point out of reach; a wrong number of angles.
-    pub fn follow(
-        &self,
-        path: &Path,
-        s0: f64,
-        dt: f64,
-        desired: &[f64],
-        progress: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<(SwivelPlan, Trajectory)> {
+    pub fn follow(&self, path: &Path, s0: f64, dt: f64, desired: &[f64], watch: &Watch) -> Result<Plan> {
         check_finite("s0", &[s0])?;
         let times = Self::times(path, dt)?;
         if desired.len() != 1 {
             crate::error::check_length("desired", desired, times.len())?;
         }
         check_finite("desired", desired)?;
-        let (mut s, mut q) = (s0, Vec::with_capacity(times.len()));
-        let (mut swivel, mut clearance) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
-        let (mut outside, mut rate) = (None, None);
-        let mut fastest = (0.0, 0, 0);
-        let mut events = Vec::new();
-        let mut status = Status::Converged;
+        let mut run = Run::default();
+        let mut interrupted = None;
         for (k, t) in times.iter().enumerate() {
-            let at = arc_length(path, *t);
-            let pose = path.at(at)?.pose;
-            let motion = self.arm.self_motion(&pose)?;
-            if !motion.in_reach() {
-                return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
-            }
-            let before = q.last().map(|q| (*q, t - times[k - 1]));
-            let here = At::new(self, &motion, &pose, *t, before, rate);
             let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
-            let step = if k == 0 {
-                here.result(s0, 0.0, false)
-            } else {
-                let dt = t - times[k - 1];
-                match self.settings.form {
-                    FlowForm::Robust => here.robust(s, wish, dt),
-                    form => here.paper(s, wish, dt, form),
-                }
-            };
-            rate = Some(step.rate).filter(|_| k > 0);
-            s = step.swivel;
-            let row = step.q;
-            if let Some((before, gap)) = here.before {
-                let (used, joint) = self.speed(&row, &before, gap);
-                if used > 1.0 + SPEED_ROUNDING && used > fastest.0 {
-                    fastest = (used, joint, k);
-                }
-            }
-            if !step.within_limits && outside.is_none() {
-                outside = Some(k);
-                let message =
-                    format!("no swivel within reach of one step holds the joint limits at t = {t:.3} s");
-                events.push(Event { kind: EventKind::JointLimit, index: k, t: *t, s: at, message });
-            }
-            q.push(row);
-            swivel.push(s);
-            clearance.push(step.distance);
-            if k % 256 == 0 && !progress(k as f64 / times.len() as f64) {
-                status = Status::Cancelled;
+            let before = (k > 0).then(|| times[k - 1]);
+            self.follow_row(path, (*t, before), s0, wish, &mut run)?;
+            if k % REPORT_ROWS == 0
+                && let Err(why) = watch.report(k as f64 / times.len() as f64)
+            {
+                interrupted = Some(why);
                 break;
             }
         }
-        let rows = q.len();
-        let reason = self.verdict(&clearance, outside, fastest, &times);
-        if status == Status::Converged && !reason.is_empty() {
-            let touches = clearance.iter().any(|d| *d < 0.0);
-            status = if outside.is_some() && !touches { Status::Limits } else { Status::Infeasible };
+        self.plan_of(run, times, interrupted)
+    }
+
+    /// One more row of [`SwivelFlow::follow`] at time `t`; `before` is the time of the last one.
+    fn follow_row(
+        &self,
+        path: &Path,
+        (t, before): (f64, Option<f64>),
+        s0: f64,
+        wish: f64,
+        run: &mut Run,
+    ) -> Result<()> {
+        let at = arc_length(path, t);
+        let pose = path.at(at)?.pose;
+        let motion = self.arm.self_motion(&pose)?;
+        if !motion.in_reach() {
+            return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
         }
-        let names = self.arm.chain().joints().iter().map(|j| j.name.clone()).collect();
-        let trajectory =
-            Trajectory::new(names, times[..rows].to_vec(), q.as_flattened().to_vec(), None, events)?;
-        let plan = SwivelPlan {
-            status,
-            reason,
-            branch: vec![self.settings.branch; rows],
-            q,
-            swivel,
-            reconfigurations: Vec::new(),
-            obstructions: Vec::new(),
-            blocked: Vec::new(),
-            clearance: if self.scene.obstacles().is_empty() { Vec::new() } else { clearance },
+        let gap = before.map(|before| t - before);
+        let here = At::new(self, &motion, &pose, t, run.q.last().copied().zip(gap), run.rate);
+        let step = match (gap, run.swivel.last(), self.settings.form) {
+            (Some(dt), Some(s), FlowForm::Robust) => here.robust(*s, wish, dt),
+            (Some(dt), Some(s), form) => here.paper(*s, wish, dt, form),
+            _ => here.result(s0, 0.0, false),
         };
-        Ok((plan, trajectory))
+        let row = run.q.len();
+        run.rate = gap.map(|_| step.rate);
+        if let Some((before, gap)) = here.before {
+            let (used, joint) = self.speed(&step.q, &before, gap);
+            if used > 1.0 + SPEED_ROUNDING && run.fastest.is_none_or(|fastest| used > fastest.used) {
+                run.fastest = Some(TooFast { used, joint, row });
+            }
+        }
+        if !step.within_limits && run.outside.is_none() {
+            run.outside = Some(row);
+            let message =
+                format!("no swivel within reach of one step holds the joint limits at t = {t:.3} s");
+            run.events.push(Event { kind: EventKind::JointLimit, index: row, t, s: at, message });
+        }
+        run.q.push(step.q);
+        run.swivel.push(step.swivel);
+        run.clearance.push(step.distance);
+        run.s.push(at);
+        run.poses.push(pose);
+        Ok(())
+    }
+
+    /// The rows with their verdict.
+    fn plan_of(&self, run: Run, mut times: Vec<f64>, interrupted: Option<Interrupted>) -> Result<Plan> {
+        let rows = run.q.len();
+        times.truncate(rows);
+        let mut faults = self.faults(&run, &times);
+        let legal = faults.is_empty();
+        let status = match interrupted {
+            Some(why) => {
+                faults.insert(0, format!("{why} after {rows} rows"));
+                why.status()
+            }
+            None if legal => Status::Converged,
+            None if run.outside.is_some() && run.clearance.iter().all(|d| *d >= 0.0) => Status::Limits,
+            None => Status::Infeasible,
+        };
+        let names = self.arm.chain().joints().iter().map(|j| j.name.clone()).collect();
+        let trajectory = Trajectory::new(names, times, run.q.into_flattened(), None, run.events)?;
+        let mut builder = swivel_plan(trajectory, status, run.swivel, vec![self.settings.branch; rows])
+            .reason(faults.join("; "))
+            .legal(legal)
+            .proven(status == Status::Converged)
+            .s(run.s)
+            .poses(run.poses);
+        if !self.scene.obstacles().is_empty() {
+            builder = builder.clearance(run.clearance);
+        }
+        builder.margin_of(self.arm.chain())?.build()
     }
 
     /// Times of the rows of [`SwivelFlow::follow`].
@@ -407,38 +425,55 @@ impl SwivelFlow {
         most
     }
 
-    /// What went wrong on the way; empty when nothing did.
-    fn verdict(
-        &self,
-        clearance: &[f64],
-        outside: Option<usize>,
-        (used, joint, row): (f64, usize, usize),
-        times: &[f64],
-    ) -> String {
-        let mut parts = Vec::new();
-        if let Some(d) = clearance.first().filter(|d| **d < 0.0) {
-            parts.push(format!("starts {:.3} mm inside an obstacle", -1e3 * d));
+    /// What went wrong on the way.
+    fn faults(&self, run: &Run, times: &[f64]) -> Vec<String> {
+        let mut faults = Vec::new();
+        if let Some(d) = run.clearance.first().filter(|d| **d < 0.0) {
+            faults.push(format!("starts {:.3} mm inside an obstacle", -1e3 * d));
         }
-        let worst = clearance.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+        let worst = run.clearance.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
         if let Some((k, d)) = worst.filter(|(_, d)| **d < 0.0) {
-            parts.push(format!("is {:.3} mm inside an obstacle at t = {:.3} s", -1e3 * d, times[k]));
+            faults.push(format!("is {:.3} mm inside an obstacle at t = {:.3} s", -1e3 * d, times[k]));
         }
-        if let Some(k) = outside {
-            parts.push(format!("leaves the joint limits at t = {:.3} s", times[k]));
+        if let Some(k) = run.outside {
+            faults.push(format!("leaves the joint limits at t = {:.3} s", times[k]));
         }
-        if used > 0.0 {
+        if let Some(TooFast { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
-            parts.push(format!(
-                "joint '{name}' turns at {used:.2} times its speed limit at t = {:.3} s",
-                times[row]
-            ));
+            let t = times[row];
+            faults.push(format!("joint '{name}' turns at {used:.2} times its speed limit at t = {t:.3} s"));
         }
-        parts.join("; ")
+        faults
     }
 }
 
-/// Relative excess over a speed limit that rounding explains.
-const SPEED_ROUNDING: f64 = 1e-9;
+/// A step with a joint above its speed limit: the share of the limit, the joint, the row at its end.
+#[derive(Debug, Clone, Copy)]
+struct TooFast {
+    used: f64,
+    joint: usize,
+    row: usize,
+}
+
+/// The rows of [`SwivelFlow::follow`] so far.
+#[derive(Debug, Default)]
+struct Run {
+    q: Vec<[f64; 7]>,
+    swivel: Vec<f64>,
+    clearance: Vec<f64>,
+    s: Vec<f64>,
+    poses: Vec<Pose>,
+    events: Vec<Event>,
+    /// The rate of the last step, rad/s.
+    rate: Option<f64>,
+    /// The first row that breaks a joint limit.
+    outside: Option<usize>,
+    /// The step that exceeds a speed limit most.
+    fastest: Option<TooFast>,
+}
+
+/// Rows between two reports of the progress.
+const REPORT_ROWS: usize = 256;
 /// Most rows of a flow: half a gigabyte.
 const MAX_ROWS: f64 = 5e6;
 
@@ -653,7 +688,7 @@ fn arc_length(path: &Path, t: f64) -> f64 {
 /// The windings of `q` that are nearest to `before` and within the limits.
 fn unwound(q: &[f64; 7], before: &[f64; 7], lower: &[f64], upper: &[f64]) -> [f64; 7] {
     std::array::from_fn(|i| {
-        let wound = q[i] + TAU * ((before[i] - q[i]) / TAU).round();
+        let wound = nearest(q[i], before[i]);
         if wound >= lower[i] && wound <= upper[i] { wound } else { q[i] }
     })
 }

@@ -10,12 +10,18 @@
 //! Orientation errors are taken along the shortest arc; in `pose_rpy` they are differences of the angles, as in the
 //! paper. With `feedback * dt` at most 1 the error decays; from 2 on it grows, which is refused.
 
+use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::{Scratch, Task, TaskKind};
-use crate::path::{Event, EventKind, Path, TimedPath, TimingSettings, Trajectory, times_within_limits};
+use crate::path::{
+    Event, EventKind, Path, Plan, PlanBuilder, TimedPath, TimingSettings, Trajectory, broken_limits,
+    times_within_limits,
+};
+use crate::pose::Pose;
 use crate::status::Status;
-use crate::tolerance::{FREE_SPEED, LIMIT_SLACK};
+use crate::tolerance::{FREE_SPEED, LIMIT_SLACK, TRACK_ORIENTATION, TRACK_POSITION};
 use crate::velocity::{ActiveLimit, Damping, Gain, ProjectedGradient, Resolver, StepInput};
+use crate::watch::{Interrupted, Watch};
 
 /// Share of the velocity limits that a path without times may use: the rest is left to the freedom.
 const TIMING_SHARE: f64 = 0.5;
@@ -27,15 +33,23 @@ pub struct TrackSettings {
     pub dt: f64,
     /// Gain of the task error, 1/s.
     pub feedback: f64,
-    /// Steps after which the monitor is asked whether to go on.
-    pub block: usize,
+    /// Largest distance (m) from the path that is still on it.
+    pub position_tolerance: f64,
+    /// Largest angle (rad) from the path that is still on it.
+    pub orientation_tolerance: f64,
 }
 
 impl TrackSettings {
+    /// Steps of `dt` seconds with a feedback in 1/s, and the usual tolerances.
+    pub fn new(dt: f64, feedback: f64) -> Self {
+        Self { dt, feedback, position_tolerance: TRACK_POSITION, orientation_tolerance: TRACK_ORIENTATION }
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors
-    /// dt that is not positive, a negative feedback, or one for which `feedback dt` is 2 or more.
+    /// dt that is not positive, a negative feedback, or one for which `feedback dt` is 2 or more, tolerances that are
+    /// not positive.
     pub fn validate(&self) -> Result<()> {
         let error =
             |what: &str, value, bound: String| Err(Error::OutOfRange { what: what.into(), value, bound });
@@ -47,39 +61,55 @@ impl TrackSettings {
                 format!(">= 0 and < 2 / dt = {} (else the error grows from step to step)", 2.0 / self.dt);
             return error("feedback", self.feedback, bound);
         }
-        Ok(())
+        let tolerances = [
+            ("position_tolerance", self.position_tolerance),
+            ("orientation_tolerance", self.orientation_tolerance),
+        ];
+        match tolerances.into_iter().find(|(_, tolerance)| tolerance.is_nan() || *tolerance <= 0.0) {
+            Some((what, tolerance)) => error(what, tolerance, "> 0".into()),
+            None => Ok(()),
+        }
     }
 }
 
 /// Most steps of one run: ten million rows are a gigabyte.
 const MOST_STEPS: f64 = 1e7;
 
+/// Steps between two reports of the progress: some milliseconds.
+const REPORT_ROWS: usize = 4_096;
+
 /// What became of a run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// One row every dt, from the first to the last time of the path.
-    pub trajectory: Trajectory,
+    /// One row every dt, from the first to the last time of the path. `Converged`; `OffPath` where it is farther from the
+    /// path than the tolerances; `Limits` where a joint breaks a position or speed limit; `Cancelled` or `TimeLimit` with
+    /// the rows so far.
+    pub plan: Plan,
     /// Largest distance between the tool and the path, m, of the coordinates that count.
     pub position_error: f64,
     /// Largest angle between them, rad.
     pub orientation_error: f64,
-    /// `converged`, or `cancelled`.
-    pub status: Status,
 }
 
-/// Follows `path` from `q0` with a copy of `resolver`. `go_on` is asked now and then with the share that is done.
+impl From<Track> for Plan {
+    fn from(track: Track) -> Self {
+        track.plan
+    }
+}
+
+/// Follows `path` from `q0` with a copy of `resolver`.
 ///
 /// A path without times is timed first: the least joint motion along it may use half of the velocity limits.
 ///
 /// # Errors
-/// Invalid settings; a dt that is longer than the path lasts; a wrong q0; a path of positions for a task that needs an orientation; more than 10 million steps;
-/// what the resolver refuses; positions that overflow.
+/// Invalid settings; a dt that is longer than the path lasts; a wrong q0; a path of positions for a task that needs an
+/// orientation; more than 10 million steps; what the resolver refuses; positions that overflow.
 pub fn track(
     resolver: &dyn Resolver,
     path: &Path,
     q0: &[f64],
     settings: &TrackSettings,
-    go_on: &mut dyn FnMut(f64) -> bool,
+    watch: &Watch,
 ) -> Result<Track> {
     settings.validate()?;
     let mut resolver = resolver.boxed();
@@ -94,6 +124,43 @@ pub fn track(
         Some(_) => TimedPath::new(path)?,
         None => TimedPath::new(&path.with_times(Some(&times_for(&*resolver, path, q0)?))?)?,
     };
+    let (first, rows) = (timed.span().0, rows_of(&timed, settings)?);
+    let mut run = Run::new(&chain, rows);
+    let mut now = q0.to_vec();
+    let (mut speed, mut before) = (vec![0.0; chain.dof()], vec![0.0; chain.dof()]);
+    let mut scratch = Scratch::new(&chain);
+    let mut given = [0.0; 6];
+    let mut interrupted = None;
+    for row in 0..rows {
+        if row % REPORT_ROWS == 0
+            && let Err(why) = watch.report(row as f64 / rows as f64)
+        {
+            interrupted = Some(why);
+            break;
+        }
+        let time = first + row as f64 * settings.dt;
+        let reference = timed.at(time)?;
+        let kinematics = chain.kinematics(&now, &mut scratch)?;
+        let error = task.error(&reference.pose, kinematics.pose());
+        let wanted =
+            task.from_twist(kinematics.pose(), &reference.twist) + error.coordinates * settings.feedback;
+        let velocity = caller_coordinates(&task, kinematics.pose(), &wanted, &mut given);
+        let input = StepInput { q: &now, velocity, dt: Some(settings.dt), qd: Some(&before) };
+        let report = resolver.step(&input, &mut speed)?;
+        run.log.at(row, time, reference.s);
+        run.log.step(&report, &*resolver);
+        run.log.position_limits(&chain, &now);
+        run.position.see(error.position, row);
+        run.orientation.see(error.orientation, row);
+        run.push(time, &now, &speed, kinematics.pose());
+        now.iter_mut().zip(&speed).for_each(|(q, qd)| *q += settings.dt * qd);
+        before.copy_from_slice(&speed);
+    }
+    run.finish(&chain, settings, interrupted)
+}
+
+/// Number of rows along a path with times.
+fn rows_of(timed: &TimedPath, settings: &TrackSettings) -> Result<usize> {
     let (first, last) = timed.span();
     if last > first && settings.dt > last - first {
         let bound = format!("<= {} s, the duration of the path", last - first);
@@ -104,52 +171,113 @@ pub fn track(
         let bound = format!(">= {} (at most 10 million steps)", (last - first) / MOST_STEPS);
         return Err(Error::OutOfRange { what: "dt".into(), value: settings.dt, bound });
     }
-    let rows = steps as usize + 1;
-    let n = chain.dof();
-    let (mut t, mut q, mut qd) = (Vec::with_capacity(rows), Vec::new(), Vec::new());
-    q.reserve(rows * n);
-    qd.reserve(rows * n);
-    let mut now = q0.to_vec();
-    let (mut speed, mut before) = (vec![0.0; n], vec![0.0; n]);
-    let mut scratch = Scratch::new(&chain);
-    let mut log = Log::new(chain.joints().iter().map(|j| j.name.clone()).collect());
-    let (mut position_error, mut orientation_error) = (0.0_f64, 0.0_f64);
-    let mut status = Status::Converged;
-    let mut given = [0.0; 6];
-    for row in 0..rows {
-        if row % settings.block.max(1) == 0 && !go_on(row as f64 / rows as f64) {
-            status = Status::Cancelled;
-            break;
+    Ok(steps as usize + 1)
+}
+
+/// A largest value and its row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Largest {
+    value: f64,
+    row: usize,
+}
+
+impl Largest {
+    fn see(&mut self, value: f64, row: usize) {
+        if value > self.value {
+            *self = Self { value, row };
         }
-        let time = first + row as f64 * settings.dt;
-        let reference = timed.at(time)?;
-        let kinematics = chain.kinematics(&now, &mut scratch)?;
-        let error = task.error(&reference.pose, kinematics.pose());
-        position_error = position_error.max(error.position);
-        orientation_error = orientation_error.max(error.orientation);
-        let wanted =
-            task.from_twist(kinematics.pose(), &reference.twist) + error.coordinates * settings.feedback;
-        let velocity = caller_coordinates(&task, kinematics.pose(), &wanted, &mut given);
-        let input = StepInput { q: &now, velocity, dt: Some(settings.dt), qd: Some(&before) };
-        let report = resolver.step(&input, &mut speed)?;
-        log.at(row, time, reference.s);
-        log.step(&report, &*resolver);
-        log.position_limits(&chain, &now);
-        t.push(time);
-        q.extend_from_slice(&now);
-        qd.extend_from_slice(&speed);
-        now.iter_mut().zip(&speed).for_each(|(q, qd)| *q += settings.dt * qd);
-        before.copy_from_slice(&speed);
     }
-    let names = chain.joints().iter().map(|j| j.name.clone()).collect();
-    let trajectory = Trajectory::new(names, t, q, Some(qd), log.events)?;
-    Ok(Track { trajectory, position_error, orientation_error, status })
+}
+
+/// The rows of a run so far.
+struct Run {
+    t: Vec<f64>,
+    s: Vec<f64>,
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    poses: Vec<Pose>,
+    log: Log,
+    position: Largest,
+    orientation: Largest,
+}
+
+impl Run {
+    fn new(chain: &Chain, rows: usize) -> Self {
+        let n = chain.dof();
+        Self {
+            t: Vec::with_capacity(rows),
+            s: Vec::with_capacity(rows),
+            q: Vec::with_capacity(rows * n),
+            qd: Vec::with_capacity(rows * n),
+            poses: Vec::with_capacity(rows),
+            log: Log::new(chain.joints().iter().map(|j| j.name.clone()).collect()),
+            position: Largest::default(),
+            orientation: Largest::default(),
+        }
+    }
+
+    fn push(&mut self, time: f64, q: &[f64], qd: &[f64], pose: &Pose) {
+        self.t.push(time);
+        self.s.push(self.log.s);
+        self.q.extend_from_slice(q);
+        self.qd.extend_from_slice(qd);
+        self.poses.push(*pose);
+    }
+
+    fn finish(
+        self,
+        chain: &Chain,
+        settings: &TrackSettings,
+        interrupted: Option<Interrupted>,
+    ) -> Result<Track> {
+        let astray = self.astray(settings);
+        let cut = interrupted.map(|why| format!("{why} after {} rows", self.t.len()));
+        let names = self.log.names;
+        let trajectory = Trajectory::new(names, self.t, self.q, Some(self.qd), self.log.events)?;
+        let broken = broken_limits(chain, &trajectory);
+        let (position_error, orientation_error) = (self.position.value, self.orientation.value);
+        let legal = astray.is_none() && broken.is_none();
+        let status = match interrupted {
+            Some(why) => why.status(),
+            None if astray.is_some() => Status::OffPath,
+            None if broken.is_some() => Status::Limits,
+            None => Status::Converged,
+        };
+        let reasons: Vec<String> = [cut, astray, broken].into_iter().flatten().collect();
+        let plan = PlanBuilder::new(trajectory, status)
+            .reason(reasons.join("; "))
+            .legal(legal)
+            .proven(status == Status::Converged)
+            .s(self.s)
+            .poses(self.poses)
+            .margin_of(chain)?
+            .build()?;
+        Ok(Track { plan, position_error, orientation_error })
+    }
+
+    /// How far and where the tool strays from the path by more than the tolerances.
+    fn astray(&self, settings: &TrackSettings) -> Option<String> {
+        let of = |what: &str, largest: Largest, tolerance: f64, unit: &str| {
+            let Largest { value, row } = largest;
+            let (t, far) = (self.t.get(row)?, value > tolerance);
+            far.then(|| {
+                format!(
+                    "the largest {what} error is {value:.3e} {unit} at row {row} (t = {t:.3} s), at most {tolerance} \
+                     {unit} is on the path"
+                )
+            })
+        };
+        let position = of("position", self.position, settings.position_tolerance, "m");
+        let orientation = of("orientation", self.orientation, settings.orientation_tolerance, "rad");
+        let both: Vec<String> = position.into_iter().chain(orientation).collect();
+        (!both.is_empty()).then(|| both.join("; "))
+    }
 }
 
 /// A velocity in task coordinates as [`Task::velocity`] takes it.
 fn caller_coordinates<'a>(
     task: &Task,
-    pose: &crate::Pose,
+    pose: &Pose,
     wanted: &nalgebra::Vector6<f64>,
     out: &'a mut [f64; 6],
 ) -> &'a [f64] {
@@ -272,7 +400,7 @@ impl Log {
         (self.algorithmic, self.scaled) = (report.algorithmic, scaled);
     }
 
-    fn position_limits(&mut self, chain: &crate::chain::Chain, q: &[f64]) {
+    fn position_limits(&mut self, chain: &Chain, q: &[f64]) {
         for (i, (lower, upper)) in chain.lower().iter().zip(chain.upper()).enumerate() {
             let excess = (q[i] - upper).max(lower - q[i]);
             let beyond = excess > LIMIT_SLACK;

@@ -1,11 +1,19 @@
 //! The spray gun: rules for the tool's orientation, and the orientation that lets it go fastest.
 
+#[cfg(feature = "plan")]
 mod curve;
+#[cfg(feature = "plan")]
 mod motion;
+#[cfg(feature = "plan")]
 mod plan;
+#[cfg(feature = "plan")]
 mod program;
 mod rule;
+#[cfg(feature = "plan")]
 mod search;
 
-pub use plan::{OrientationPlan, OrientationPlanSettings, PlanWatch, SpinRange, plan_orientation};
+#[cfg(feature = "plan")]
+pub use plan::{
+    Bottleneck, OrientationPlan, OrientationPlanSettings, SpeedBound, SpinRange, plan_orientation,
+};
 pub use rule::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface, tool_down};

@@ -18,24 +18,26 @@
 //!
 //! References: [FromGravdahl2007], [FromGravdahl2009].
 
-use std::f64::consts::{FRAC_PI_2, TAU};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use nalgebra::{Const, SVector, Vector3};
-use rayon::prelude::*;
 
 use super::curve::Curve;
 use super::motion::{Arm, Size, Workspace};
 use super::search::{self, Bounds, Grid, Kind, State, rows_of};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
-use crate::path::{Event, Path, QuinticBasis, Trajectory};
+use crate::joint_space::{TURN, nearest, wrap};
+use crate::parallel::prelude::*;
+use crate::path::{BlockedPoint, Path, Plan, PlanBuilder, QuinticBasis, Trajectory};
 use crate::pose::Pose;
-use crate::solutions::lines;
+use crate::solutions::{ClosedForm, closed_form, lines};
 use crate::status::Status;
-use crate::timing::{SpeedLimit, SpeedSettings};
+use crate::timing::SpeedSettings;
 use crate::tolerance::JOINT_JUMP;
+use crate::watch::{Deadline, Watch};
 
 /// Largest step (m) of the grid on which a plan is verified and returned.
 const VERIFIED_STEP: f64 = 4e-4;
@@ -134,124 +136,77 @@ impl OrientationPlanSettings {
 /// Longest time limit, s.
 const LONGEST: f64 = 1e6;
 
-/// A look into a running plan from another thread, and the way to stop it.
-#[derive(Debug, Default)]
-pub struct PlanWatch {
-    cancelled: AtomicBool,
-    share: AtomicU64,
-    speed: AtomicU64,
+/// What allows no higher speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SpeedBound {
+    /// The torque limit of a joint.
+    Torque(usize),
+    /// The speed limit of a joint.
+    Velocity(usize),
+    /// The largest rate of the tool's orientation.
+    Rate,
 }
 
-impl PlanWatch {
-    /// Asks the plan to end; the best so far is returned.
-    pub fn cancel(&self) {
-        self.cancelled.store(true, Ordering::Relaxed);
-    }
-
-    /// Share of the work done, in `[0, 1]`.
-    pub fn share(&self) -> f64 {
-        f64::from_bits(self.share.load(Ordering::Relaxed))
-    }
-
-    /// Highest speed found so far, m/s, not verified yet; 0 before the first.
-    pub fn speed(&self) -> f64 {
-        f64::from_bits(self.speed.load(Ordering::Relaxed))
-    }
-
-    fn report(&self, share: f64, t: f64) {
-        self.share.store(share.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
-        if t > 0.0 {
-            let speed = 1.0 / t.sqrt();
-            // Positive floats are ordered as their bits are.
-            self.speed.fetch_max(speed.to_bits(), Ordering::Relaxed);
+impl SpeedBound {
+    /// The joint whose limit it is.
+    pub fn joint(self) -> Option<usize> {
+        match self {
+            Self::Torque(joint) | Self::Velocity(joint) => Some(joint),
+            Self::Rate => None,
         }
     }
+}
+
+/// Where the speed is bounded, and by what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bottleneck {
+    /// The row.
+    pub row: usize,
+    /// What allows no more there.
+    pub bound: SpeedBound,
 }
 
 /// Tilt and spin along a path with the constant speed that they allow.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrientationPlan {
-    /// `Converged`: every search came to its end. `TimeLimit`, `Cancelled`: the best so far. `Unreachable`, `Infeasible`: no plan.
-    pub status: Status,
-    /// Why it is not `Converged`.
-    pub reason: String,
-    /// Constant tool speed, m/s, verified at [`s`](Self::s); 0 without a plan.
+    /// Rows at most 0.4 mm apart, at constant speed, with tilt, a rotation vector in the path's frame, and spin.
+    /// `Converged`: every search came to its end. `TimeLimit`, `Cancelled`: the best so far. `Unreachable`, `Infeasible`:
+    /// no rows.
+    pub plan: Plan,
+    /// Constant tool speed, m/s, verified at the rows; 0 without a plan.
     pub speed: f64,
     /// The same for the path's own orientation on the best branch, where it can be followed.
     pub constant_speed: Option<f64>,
-    /// Arc lengths, m, at most 0.4 mm apart.
-    pub s: Vec<f64>,
-    /// Tool poses.
-    pub poses: Vec<Pose>,
-    /// Joint positions, row by row, rad.
-    pub q: Vec<f64>,
-    /// Joint velocities at [`speed`](Self::speed), row by row, rad/s.
-    pub qd: Vec<f64>,
     /// Joint torques at that speed, row by row, N m.
     pub torques: Vec<f64>,
-    /// Tilt `(e_x, e_y)`, a rotation vector in the path's frame, and spin, rad.
-    pub tilt_spin: Vec<[f64; 3]>,
-    /// The joint that allows no more; the number of joints where it is the rate of the orientation.
-    pub limiting_joint: usize,
-    /// Its torque or its speed.
-    pub limit: SpeedLimit,
-    /// The row where that happens.
-    pub at: usize,
-    /// Path points that no configuration reaches.
-    pub blocked: Vec<usize>,
-    /// Starts that could be followed, and convex programs solved.
+    /// What allows no more; `None` without a plan.
+    pub bottleneck: Option<Bottleneck>,
+    /// Starts that could be followed.
     pub starts: usize,
     /// Convex programs solved.
     pub steps: usize,
 }
 
-impl OrientationPlan {
-    fn none(status: Status, reason: String, blocked: Vec<usize>) -> Self {
-        Self {
-            status,
-            reason,
-            speed: 0.0,
-            constant_speed: None,
-            s: Vec::new(),
-            poses: Vec::new(),
-            q: Vec::new(),
-            qd: Vec::new(),
-            torques: Vec::new(),
-            tilt_spin: Vec::new(),
-            limiting_joint: 0,
-            limit: SpeedLimit::Torque,
-            at: 0,
-            blocked,
-            starts: 0,
-            steps: 0,
-        }
-    }
-
-    /// The plan as a trajectory of the chain's joints at its constant speed.
-    ///
-    /// # Errors
-    /// Not one name per joint, names used twice.
-    pub fn trajectory(&self, joint_names: &[String]) -> Result<Trajectory> {
-        let first = self.s.first().copied().unwrap_or(0.0);
-        let t = self.s.iter().map(|s| (s - first) / self.speed).collect();
-        Trajectory::new(joint_names.to_vec(), t, self.q.clone(), Some(self.qd.clone()), Vec::<Event>::new())
+impl From<OrientationPlan> for Plan {
+    fn from(plan: OrientationPlan) -> Self {
+        plan.plan
     }
 }
 
 /// Plans tilt and spin along a path for the highest constant tool speed.
 ///
 /// The cone stands on the orientations of the path; a path of positions has the tool down ([`tool_down`](super::tool_down)). Between its
-/// samples the path is a quintic spline, or its analytic shape. Runs on the current rayon pool. The result depends on the number of
+/// samples the path is a quintic spline, or its analytic shape. Runs on the current pool. The result depends on the number of
 /// threads and the machine only through what the time limit cuts off.
 ///
 /// ```
-/// use redundancy_core::{chain::catalog, nalgebra::Vector3, path::Path, Pose};
-/// use redundancy_core::planning::{OrientationPlanSettings, PlanWatch, plan_orientation};
+/// use redundancy_core::{Pose, Watch, chain::catalog, nalgebra::Vector3, path::Path};
+/// use redundancy_core::planning::{OrientationPlanSettings, plan_orientation};
 /// let arm = catalog::load("puma560")?.with_tool(Pose::translation(0.0, 0.0, 0.4))?;
 /// let arc: Vec<_> = (0..40).map(|k| 0.05 * f64::from(k)).map(|a| Vector3::new(0.5 + 0.1 * a.cos(), 0.1 * a.sin(), -0.3)).collect();
 /// let path = Path::from_positions(&arc, None, None)?;
 /// let settings = OrientationPlanSettings { time_limit: 0.5, ..OrientationPlanSettings::new(&arm, 0.2) };
-/// let plan = plan_orientation(&arm, &path, &settings, &PlanWatch::default())?;
+/// let plan = plan_orientation(&arm, &path, &settings, &Watch::default())?;
 /// assert!(plan.speed >= plan.constant_speed.unwrap_or(0.0));
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
@@ -262,7 +217,7 @@ pub fn plan_orientation(
     chain: &Chain,
     path: &Path,
     settings: &OrientationPlanSettings,
-    watch: &PlanWatch,
+    watch: &Watch,
 ) -> Result<OrientationPlan> {
     settings.validate(chain.dof())?;
     if path.length() <= 0.0 {
@@ -285,19 +240,28 @@ struct Candidate<const N: usize, const M: usize> {
 
 /// A plan evaluated on the finest grid.
 struct Verified {
+    /// One over the square of the speed.
     t: f64,
-    plan: OrientationPlan,
+    s: Vec<f64>,
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    poses: Vec<Pose>,
+    tilt: Vec<[f64; 2]>,
+    spin: Vec<f64>,
+    torques: Vec<f64>,
+    bottleneck: Bottleneck,
 }
 
 struct Planner<'a, const N: usize, const M: usize> {
     chain: &'a Chain,
+    form: Option<Arc<dyn ClosedForm>>,
     path: &'a Path,
     curve: Curve,
     settings: &'a OrientationPlanSettings,
     bounds: Bounds,
-    watch: &'a PlanWatch,
-    begin: Instant,
-    steps: std::sync::atomic::AtomicUsize,
+    watch: &'a Watch,
+    deadline: Deadline,
+    steps: AtomicUsize,
     /// Starts were left out for want of time.
     skipped: AtomicBool,
 }
@@ -310,7 +274,7 @@ where
         chain: &'a Chain,
         path: &'a Path,
         settings: &'a OrientationPlanSettings,
-        watch: &'a PlanWatch,
+        watch: &'a Watch,
     ) -> Result<Self> {
         let none = vec![f64::INFINITY; N];
         let limits = settings.speed.torque_limits.clone().unwrap_or_else(|| none.clone());
@@ -333,16 +297,16 @@ where
             rate: settings.max_rate.unwrap_or(f64::INFINITY),
         };
         let curve = Curve::new(path);
-        let steps = std::sync::atomic::AtomicUsize::new(0);
         Ok(Self {
             chain,
+            form: closed_form(chain),
             path,
             curve,
             settings,
             bounds,
             watch,
-            begin: Instant::now(),
-            steps,
+            deadline: Deadline::after(settings.time_limit),
+            steps: AtomicUsize::new(0),
             skipped: AtomicBool::new(false),
         })
     }
@@ -352,14 +316,9 @@ where
         Arm { chain: self.chain, bodies, gravity: self.settings.speed.gravity, spare: spare.to_vec() }
     }
 
-    fn elapsed_share(&self) -> f64 {
-        self.begin.elapsed().as_secs_f64() / self.settings.time_limit
-    }
-
     /// True when the work up to `share` of the time must end.
     fn over(&self, share: f64) -> bool {
-        self.watch.cancelled.load(Ordering::Relaxed)
-            || self.begin.elapsed() > Duration::from_secs_f64(self.settings.time_limit * share)
+        self.watch.interrupted().is_some() || self.deadline.passed(share)
     }
 
     fn frozen(&self) -> [bool; 2] {
@@ -376,7 +335,7 @@ where
         let mut candidates = self.starts(&grid);
         let starts = candidates.len();
         if candidates.is_empty() {
-            return Ok(self.nothing());
+            return self.nothing();
         }
         let mut best: Option<Verified> = None;
         self.keep_best(&grid.basis, &candidates[..1], &mut best);
@@ -401,57 +360,85 @@ where
             self.keep_best(&grid.basis, &candidates[..kept], &mut best);
         }
         let constant_speed = self.constant_speed();
-        self.watch.report(1.0, 0.0);
-        let Some(best) = best else { return Ok(self.nothing()) };
-        let cancelled = self.watch.cancelled.load(Ordering::Relaxed);
-        let (status, reason) = if cancelled {
-            (Status::Cancelled, "stopped by the caller; this is the best plan so far".to_owned())
-        } else if finished {
-            (Status::Converged, String::new())
-        } else {
-            let limit = self.settings.time_limit;
-            (
-                Status::TimeLimit,
-                format!("the time limit of {limit} s ended the search; this is the best plan so far"),
-            )
+        // Whatever the caller says now, it is done.
+        let interrupted = self.watch.report(1.0).err();
+        let Some(best) = best else { return self.nothing() };
+        let (status, reason) = match interrupted {
+            Some(why) => (why.status(), format!("{why}; this is the best plan so far")),
+            None if finished => (Status::Converged, String::new()),
+            None => {
+                let limit = self.settings.time_limit;
+                let reason =
+                    format!("the time limit of {limit} s ended the search; this is the best plan so far");
+                (Status::TimeLimit, reason)
+            }
         };
+        let speed = 1.0 / best.t.sqrt();
+        let first = best.s.first().copied().unwrap_or(0.0);
+        let t = best.s.iter().map(|s| (s - first) / speed).collect();
+        let trajectory = Trajectory::new(self.joint_names(), t, best.q, Some(best.qd), Vec::new())?;
+        let plan = PlanBuilder::new(trajectory, status)
+            .reason(reason)
+            .legal(true)
+            .proven(status == Status::Converged)
+            .s(best.s)
+            .poses(best.poses)
+            .tilt(best.tilt)
+            .spin(best.spin)
+            .margin_of(self.chain)?
+            .build()?;
+        let (torques, bottleneck) = (best.torques, Some(best.bottleneck));
         let steps = self.steps.load(Ordering::Relaxed);
-        Ok(OrientationPlan { status, reason, constant_speed, starts, steps, ..best.plan })
+        Ok(OrientationPlan { plan, speed, constant_speed, torques, bottleneck, starts, steps })
+    }
+
+    fn joint_names(&self) -> Vec<String> {
+        self.chain.joints().iter().map(|joint| joint.name.clone()).collect()
+    }
+
+    fn none(&self, status: Status, reason: String, blocked: Vec<BlockedPoint>) -> Result<OrientationPlan> {
+        let (plan, none) = (PlanBuilder::without_rows(self.joint_names(), status)?, Vec::new);
+        let plan = plan.s(none()).poses(Vec::new()).tilt(Vec::new()).spin(none()).margin(none());
+        Ok(OrientationPlan {
+            plan: plan.reason(reason).blocked(blocked).build()?,
+            speed: 0.0,
+            constant_speed: None,
+            torques: Vec::new(),
+            bottleneck: None,
+            starts: 0,
+            steps: 0,
+        })
     }
 
     /// Why there is no plan at all.
-    fn nothing(&self) -> OrientationPlan {
-        if self.watch.cancelled.load(Ordering::Relaxed) {
-            return OrientationPlan::none(
-                Status::Cancelled,
-                "stopped before the first plan".into(),
-                Vec::new(),
-            );
+    fn nothing(&self) -> Result<OrientationPlan> {
+        if let Some(why) = self.watch.interrupted() {
+            return self.none(why.status(), format!("{why} before the first plan"), Vec::new());
         }
         if self.skipped.load(Ordering::Relaxed) {
             let limit = self.settings.time_limit;
             let reason =
                 format!("the time limit of {limit} s was over before a start was found that can be followed");
-            return OrientationPlan::none(Status::TimeLimit, reason, Vec::new());
+            return self.none(Status::TimeLimit, reason, Vec::new());
         }
         // Points that are out of reach with every orientation of a sparse set in the cone.
         let poses = self.plain_poses(self.path.s());
-        let mut blocked = lines::unreachable(self.chain, &poses);
+        let mut blocked = lines::unreachable(self.chain, self.form.as_deref(), &poses);
         for tilt in [0.5, 1.0] {
             for k in 0..8 {
                 if blocked.is_empty() {
                     break;
                 }
-                let a = TAU * f64::from(k) / 8.0;
+                let a = TURN * f64::from(k) / 8.0;
                 let e = [self.bounds.tilt * tilt * a.cos(), self.bounds.tilt * tilt * a.sin()];
                 for spin in 0..4 {
                     let psi = FRAC_PI_2 * f64::from(spin);
-                    if psi.min(TAU - psi) > self.bounds.spin {
+                    if wrap(psi).abs() > self.bounds.spin {
                         continue;
                     }
                     let left: Vec<Pose> =
                         blocked.iter().map(|k| self.pose_at(self.path.s()[*k], [e[0], e[1], psi])).collect();
-                    let still = lines::unreachable(self.chain, &left);
+                    let still = lines::unreachable(self.chain, self.form.as_deref(), &left);
                     blocked = still.into_iter().map(|i| blocked[i]).collect();
                 }
             }
@@ -461,10 +448,12 @@ where
             let reason = format!(
                 "{count} of {total} points are out of the workspace, the first is {first}, the last {last}"
             );
-            return OrientationPlan::none(Status::Unreachable, reason, blocked);
+            let why = "out of the workspace with every orientation that was tried";
+            let point = |row| BlockedPoint { row, status: Status::Unreachable, reason: why.into() };
+            return self.none(Status::Unreachable, reason, blocked.into_iter().map(point).collect());
         }
         if let Some(reason) = self.too_heavy(&poses) {
-            return OrientationPlan::none(Status::Infeasible, reason, Vec::new());
+            return self.none(Status::Infeasible, reason, Vec::new());
         }
         let what =
             if self.settings.speed.joint_limits { "the joint limits along the path" } else { "the path" };
@@ -473,7 +462,7 @@ where
              leaves a limit",
             self.bounds.tilt
         );
-        OrientationPlan::none(Status::Infeasible, reason, Vec::new())
+        self.none(Status::Infeasible, reason, Vec::new())
     }
 
     /// Names joint and point where gravity alone takes the torque away on every branch.
@@ -523,7 +512,7 @@ where
                     for turns in [0.0, 1.0, -1.0] {
                         let parts = if N == 6 { 8 } else { 4 };
                         for k in 0..parts {
-                            let from = TAU * f64::from(k) / f64::from(parts);
+                            let from = TURN * f64::from(k) / f64::from(parts);
                             shapes.push((*lean, Spin::Turns { from, turns }));
                         }
                         shapes.push((*lean, Spin::Pointing { turns }));
@@ -544,15 +533,15 @@ where
                     let e = point.rotation.tr_mul(&z.cross(&offset)) * (lean * self.bounds.tilt / most);
                     let share = (s - low) / length;
                     let psi = match spin {
-                        Spin::Turns { from, turns } => from + TAU * turns * share,
+                        Spin::Turns { from, turns } => from + TURN * turns * share,
                         Spin::Pointing { turns } => {
                             let radial = point.rotation.tr_mul(&Vector3::new(-p.x, -p.y, 0.0));
                             let mut angle = radial.y.atan2(radial.x);
                             if last.is_finite() {
-                                angle += TAU * ((last - angle) / TAU).round();
+                                angle = nearest(angle, last);
                             }
                             last = angle;
-                            angle + TAU * turns * share
+                            angle + TURN * turns * share
                         }
                     };
                     [e.x, e.y, psi]
@@ -579,7 +568,7 @@ where
                     })
                     .collect();
                 let mut work = Workspace::new(self.chain);
-                lines::starts(self.chain, &poses[0])
+                lines::starts(self.chain, self.form.as_deref(), &poses[0])
                     .iter()
                     .filter_map(|start| self.start(grid, &three, &poses, start, &mut work))
                     .collect()
@@ -658,7 +647,9 @@ where
                 }
                 self.steps.fetch_add(1, Ordering::Relaxed);
                 let more = candidate.state.step(&arm, grid, &self.bounds, self.frozen(), &mut work);
-                self.watch.report(self.elapsed_share(), candidate.state.t);
+                self.watch.report_speed(1.0 / candidate.state.t.sqrt());
+                // Whether to go on is asked before the next step.
+                let _ = self.watch.report(self.deadline.share());
                 if !more {
                     break;
                 }
@@ -710,10 +701,10 @@ where
         let count = (((high - low) / VERIFIED_STEP).ceil() as usize).max(FINER * sampled).min(MOST_ROWS);
         let s: Vec<f64> = (0..=count).map(|k| low + (high - low) * k as f64 / count as f64).collect();
         let locals: Vec<_> = s.iter().map(|s| basis.at(*s)).collect();
-        let tilt = |c: &[SVector<f64, M>]| {
+        let largest_tilt = |c: &[SVector<f64, M>]| {
             locals.iter().map(|l| search::at(l, c)[0]).map(|u| u[0].hypot(u[1])).fold(0.0, f64::max)
         };
-        let most = tilt(&coefficients);
+        let most = largest_tilt(&coefficients);
         if most > self.bounds.tilt {
             let factor = self.bounds.tilt * (1.0 - CONE_ROUNDING) / most;
             for c in &mut coefficients {
@@ -723,14 +714,15 @@ where
         }
         let arm = self.arm(&candidate.spare);
         let mut work = Workspace::new(self.chain);
-        let mut plan = OrientationPlan::none(Status::Converged, String::new(), Vec::new());
+        let mut q: Vec<f64> = Vec::with_capacity(s.len() * N);
+        let (mut poses, mut tilt, mut spin) = (Vec::new(), Vec::new(), Vec::new());
         let (mut gravity, mut dynamic, mut rates) = (Vec::new(), Vec::new(), Vec::new());
         let mut near = candidate.state.q[0];
         let (mut t, mut limiting) = (0.0, (Kind::Rate, 0));
         for (k, local) in locals.iter().enumerate() {
             let u = search::at(local, &coefficients);
             let motion = arm.motion(&self.curve.at(s[k]), &u, &near, &mut work, None)?;
-            let jumps = k > 0 && (0..N).any(|j| (motion.q[j] - plan.q[(k - 1) * N + j]).abs() > JOINT_JUMP);
+            let jumps = k > 0 && (0..N).any(|j| (motion.q[j] - q[(k - 1) * N + j]).abs() > JOINT_JUMP);
             let outside =
                 (0..N).any(|j| motion.q[j] < self.bounds.lower[j] || motion.q[j] > self.bounds.upper[j]);
             if jumps || outside || u[0][2].abs() > self.bounds.spin {
@@ -744,27 +736,27 @@ where
             .ok()?;
             let step = if k < count { s[k + 1] - s[k] } else { 0.0 };
             near = motion.q + motion.d * step + motion.dd * (0.5 * step * step);
-            plan.q.extend_from_slice(motion.q.as_slice());
+            q.extend_from_slice(motion.q.as_slice());
             rates.extend_from_slice(motion.d.as_slice());
             gravity.extend_from_slice(motion.gravity.as_slice());
             dynamic.extend_from_slice(motion.dynamic.as_slice());
-            plan.poses.push(motion.pose);
-            plan.tilt_spin.push([u[0][0], u[0][1], u[0][2]]);
+            poses.push(motion.pose);
+            tilt.push([u[0][0], u[0][1]]);
+            spin.push(u[0][2]);
         }
         if !(t > 0.0 && t.is_finite()) {
             return None;
         }
-        plan.speed = 1.0 / t.sqrt();
-        plan.qd = rates.iter().map(|d| d * plan.speed).collect();
-        plan.torques = gravity.iter().zip(&dynamic).map(|(g, d)| g + d / t).collect();
-        (plan.limiting_joint, plan.limit) = match limiting.0 {
-            Kind::Up(j) | Kind::Down(j) => (j, SpeedLimit::Torque),
-            Kind::Velocity(j) => (j, SpeedLimit::Velocity),
-            Kind::Rate => (N, SpeedLimit::Velocity),
+        let speed = 1.0 / t.sqrt();
+        let qd = rates.iter().map(|d: &f64| d * speed).collect();
+        let torques = gravity.iter().zip(&dynamic).map(|(g, d): (&f64, &f64)| g + d / t).collect();
+        let bound = match limiting.0 {
+            Kind::Up(j) | Kind::Down(j) => SpeedBound::Torque(j),
+            Kind::Velocity(j) => SpeedBound::Velocity(j),
+            Kind::Rate => SpeedBound::Rate,
         };
-        plan.at = limiting.1;
-        plan.s = s;
-        Some(Verified { t, plan })
+        let bottleneck = Bottleneck { row: limiting.1, bound };
+        Some(Verified { t, s, q, qd, poses, tilt, spin, torques, bottleneck })
     }
 }
 

@@ -27,7 +27,7 @@ use nalgebra::{Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use crate::Status;
 use crate::error::{Error, Result, check_finite};
-use crate::pose::check_rotation;
+use crate::pose::checked_rotation;
 use crate::rotation::{Barrier, Cone, OrientationOptimizer, OrientationSettings, TwoCones, shortest_arc};
 use crate::tolerance::DIRECTION_NORM;
 
@@ -209,8 +209,8 @@ impl OrientationRule {
     /// # Errors
     /// A matrix that is no rotation.
     pub fn with_orientation(mut self, orientation: Rotation3<f64>) -> Result<Self> {
-        check_rotation("orientation", orientation.matrix())?;
-        self.orientation = orientation;
+        let matrix = checked_rotation("orientation", orientation.matrix())?;
+        self.orientation = Rotation3::from_matrix_unchecked(matrix);
         Ok(self)
     }
 

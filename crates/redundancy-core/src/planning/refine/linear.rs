@@ -1,7 +1,6 @@
 //! The line, its slacks and multipliers, and what is linear about them at one iterate.
 
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use super::super::demand::Demand;
 use super::super::pull::MOST_JOINTS;
@@ -9,6 +8,7 @@ use super::super::tool::{MOST_BOUNDS, MOST_ROWS};
 use super::banded::Banded;
 use super::interior::{Goal, is_length};
 use crate::kinematics::{NullSpace, Scratch};
+use crate::parallel::prelude::*;
 
 /// Which bounds take part: those that a line comes near to.
 #[derive(Debug, Clone)]

@@ -7,6 +7,7 @@ use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::Result;
 use crate::pose::Pose;
+use crate::solutions::search;
 use crate::solutions::solutions::Solutions;
 use crate::status::Status;
 use crate::tolerance::CLOSED_FORM_EXACT;
@@ -51,11 +52,15 @@ pub trait ClosedForm: Debug + Send + Sync {
     fn solutions(&self, pose: &Pose) -> Result<Box<dyn Solutions>>;
 
     /// Whether there is a configuration over `pose`, joint limits aside.
-    fn in_reach(&self, pose: &Pose) -> bool;
+    fn in_reach(&self, pose: &Pose) -> bool {
+        self.solutions(pose).is_ok_and(|solutions| solutions.pieces() > 0)
+    }
 
     /// Configurations over `pose` to begin a path at, joint limits aside and joints modulo turns: all that are isolated, a
     /// few of every curve.
-    fn starts(&self, pose: &Pose) -> Vec<Vec<f64>>;
+    fn starts(&self, pose: &Pose) -> Vec<Vec<f64>> {
+        self.solutions(pose).map_or_else(|_| Vec::new(), |solutions| search::starts(&*solutions))
+    }
 
     /// Number of rows of [`ClosedForm::branches_into`]: 0 for arms with spare freedom, at most 32.
     fn branches(&self) -> usize {
@@ -80,7 +85,12 @@ pub trait ClosedForm: Debug + Send + Sync {
         q0: Option<&[f64]>,
         criterion: Option<&dyn Criterion>,
         q: &mut [f64],
-    ) -> Status;
+    ) -> Status {
+        match self.solutions(pose) {
+            Ok(solutions) => search::select(&*solutions, q0, criterion, q),
+            Err(_) => Status::Unreachable,
+        }
+    }
 
     /// Whether what the form says about reach and limits is exact: its defect is below [`CLOSED_FORM_EXACT`].
     fn exact(&self) -> bool {
@@ -89,4 +99,9 @@ pub trait ClosedForm: Debug + Send + Sync {
 
     /// The arm as its own type.
     fn as_any(&self) -> &dyn Any;
+}
+
+/// Signs of a branch as a label, such as `+-+`.
+pub(crate) fn sign_label(signs: [i8; 3]) -> String {
+    signs.map(|sign| if sign < 0 { '-' } else { '+' }).iter().collect()
 }

@@ -5,9 +5,17 @@
 //! through it and sees a new form at once.
 
 mod form;
+mod gimbal;
+mod lanes;
+mod lines;
+#[cfg(feature = "panda-class")]
+pub mod panda_class;
+pub mod parallel_axes;
+mod polish;
 mod registry;
 pub mod spherical_wrist;
 pub mod srs;
 
+pub(crate) use form::sign_label;
 pub use form::{ClosedForm, Defect};
 pub use registry::closed_form;

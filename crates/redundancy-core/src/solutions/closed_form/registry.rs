@@ -3,13 +3,20 @@
 use std::sync::Arc;
 
 use super::form::ClosedForm;
+use super::parallel_axes::ParallelAxesArm;
+use super::spherical_wrist::SphericalWristArm;
+use super::srs::SrsArm;
 use crate::chain::Chain;
 
 /// Recognises an arm by its geometry.
 type Recognise = fn(&Chain) -> Option<Arc<dyn ClosedForm>>;
 
 /// Every closed form, asked in this order.
-const FORMS: [Recognise; 0] = [];
+const FORMS: [Recognise; 3] = [
+    |chain| Some(Arc::new(SphericalWristArm::new(chain).ok()?)),
+    |chain| Some(Arc::new(ParallelAxesArm::new(chain).ok()?)),
+    |chain| Some(Arc::new(SrsArm::new(chain).ok()?)),
+];
 
 /// The closed form of `chain`; `None` where it has none that is known.
 pub fn closed_form(chain: &Chain) -> Option<Arc<dyn ClosedForm>> {

@@ -1,20 +1,20 @@
 //! What a plan of the swivel is about: the circles over the points, limits, windings, obstacles, and what all that costs.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::clearance::{ArmClearance, OverPose};
+use super::settings::{SwivelChoice, SwivelPlanSettings};
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
+use crate::joint_space::{TURN, holds, turned, turns_over, turns_within};
 use crate::kinematics::{Scratch, Task};
+use crate::parallel::prelude::*;
 use crate::path::Path;
-use crate::planning::swivel_plan::{SwivelChoice, SwivelPlan, SwivelPlanSettings, empty};
 use crate::scene::Scene;
 use crate::solutions::{SelfMotion, SrsArm};
-use crate::status::Status;
 use crate::tolerance::JOINT_JUMP;
 
 /// Configurations from which the largest manipulability of an arm is estimated: within some percent.
@@ -54,10 +54,10 @@ impl Windings {
                 continue;
             }
             // Principal values are in (-pi, pi]: turns k for which (-pi, pi] + k turns meets the range.
-            let (a, b) = (lower[i].max(-2.0 * TAU), upper[i].min(2.0 * TAU));
-            least[i] = ((a - PI) / TAU).ceil() as i32;
-            let most = ((b + PI) / TAU).floor() as i32;
-            count[i] = (most - least[i] + 1).clamp(1, 5) as usize;
+            let (a, b) = (lower[i].max(-2.0 * TURN), upper[i].min(2.0 * TURN));
+            let [first, last] = turns_within([-PI, PI], a, b);
+            least[i] = first as i32;
+            count[i] = (last as i32 - least[i] + 1).clamp(1, 5) as usize;
             if total * count[i] > MAX_WINDINGS {
                 (count[i], least[i]) = (1, 0);
                 wraps[i] = true;
@@ -98,7 +98,7 @@ impl Windings {
 
     /// Positions of a node with the windings of a code.
     pub fn wound(&self, q: &[f64; 7], code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| if self.counts(i) { q[i] + TAU * self.turns[code][i] } else { q[i] })
+        std::array::from_fn(|i| if self.counts(i) { turned(q[i], self.turns[code][i]) } else { q[i] })
     }
 
     /// The code from which one comes to `code` by `turns` full turns less; `None` where a joint has no such winding.
@@ -118,16 +118,7 @@ impl Windings {
 /// Full turns by which `b` is further than the short way from `a`, of the joints that may wrap.
 #[inline(always)]
 pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
-    std::array::from_fn(|i| {
-        let step = b[i] - a[i];
-        if !windings.wraps[i] || step.abs() <= PI {
-            0
-        } else if step > 0.0 {
-            1
-        } else {
-            -1
-        }
-    })
+    std::array::from_fn(|i| if windings.wraps[i] { turns_over(b[i] - a[i]) } else { 0 })
 }
 
 /// The obstacles along the path.
@@ -169,7 +160,7 @@ impl Obstacles {
         Ok(Self { arm: near, base: scene.clone(), times, scenes, over, moved, reach })
     }
 
-    fn scene(&self, k: usize) -> &Scene {
+    pub fn scene(&self, k: usize) -> &Scene {
         &self.scenes[k.min(self.scenes.len() - 1)]
     }
 
@@ -249,7 +240,7 @@ fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
     let mut best = f64::MIN_POSITIVE;
     for _ in 0..MANIPULABILITY_SAMPLES {
         let q: [f64; 7] = std::array::from_fn(|i| {
-            let (lower, upper) = (chain.lower()[i].max(-TAU / 2.0), chain.upper()[i].min(TAU / 2.0));
+            let (lower, upper) = (chain.lower()[i].max(-PI), chain.upper()[i].min(PI));
             lower + (upper - lower) * rng.random::<f64>()
         });
         best = best.max(measure.value_at(&chain.kinematics_unchecked(&q, &mut scratch)));
@@ -315,20 +306,8 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The plan that says so, when points have no configuration within the limits.
-    pub fn blocked(&self) -> Option<SwivelPlan> {
-        let blocked: Vec<usize> = self.where_all(|k| self.circles[k].status() != Status::Converged);
-        let k = *blocked.first()?;
-        let (count, n, motion) = (blocked.len(), self.circles.len(), &self.circles[k]);
-        let verb = if count == 1 { "has" } else { "have" };
-        let reason = motion.reason();
-        let reason =
-            format!("{count} of {n} points {verb} no configuration; the first is point {k}: {reason}");
-        Some(SwivelPlan { status: motion.status(), reason, blocked, ..empty() })
-    }
-
     /// The points for which something holds, ascending.
-    fn where_all(&self, holds: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
+    pub fn where_all(&self, holds: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
         (0..self.circles.len()).into_par_iter().filter(|k| holds(*k)).collect()
     }
 
@@ -342,11 +321,11 @@ impl<'a> Problem<'a> {
     }
 
     /// Swivels of the grid at point `k`.
-    fn grid(&self, k: usize) -> Vec<f64> {
+    pub fn grid(&self, k: usize) -> Vec<f64> {
         let m = self.settings.swivels;
         match self.fixed(k) {
             Some(s) => vec![s],
-            None => (0..m).map(|i| TAU * (i as f64 / m as f64 - 0.5)).collect(),
+            None => (0..m).map(|i| TURN * (i as f64 / m as f64 - 0.5)).collect(),
         }
     }
 
@@ -368,11 +347,7 @@ impl<'a> Problem<'a> {
 
     /// Whether some winding of each joint holds the limits.
     pub fn holds(&self, q: &[f64; 7]) -> bool {
-        (0..7).all(|i| {
-            let above = q[i] + TAU * ((self.lower[i] - q[i]) / TAU).ceil();
-            // Without a lower limit that is not a number.
-            above <= self.upper[i] || self.windings.free(i)
-        })
+        (0..7).all(|i| holds(q[i], self.lower[i], self.upper[i]) || self.windings.free(i))
     }
 
     /// Cost of being at a distance from the obstacles and at a manipulability; `None` in a collision.
@@ -559,158 +534,6 @@ impl<'a> Problem<'a> {
             dexterity: self.dexterity.clone(),
             points: kept.iter().map(|k| self.points[*k]).collect(),
             reconfiguration,
-        }
-    }
-
-    /// The line as a plan, with the reason where it is not whole.
-    pub fn finish(&self, line: Line) -> SwivelPlan {
-        let n = self.circles.len();
-        if let Some(plan) = (line.q.len() < n).then(|| self.behind_obstacles()).flatten() {
-            return plan;
-        }
-        let (status, reason) = if line.q.len() < n {
-            let k = line.q.len();
-            let what = match &self.settings.choice {
-                SwivelChoice::Fixed(_) => "the given swivel",
-                _ => "the given branch",
-            };
-            (
-                Status::Limits,
-                format!(
-                    "{what} holds the joint limits only up to point {k} of {n}: {}",
-                    self.nearest_miss(k)
-                ),
-            )
-        } else if let Some(k) = line.reconfigurations.first() {
-            let count = line.reconfigurations.len();
-            let times =
-                if count == 1 { "one reconfiguration".into() } else { format!("{count} reconfigurations") };
-            let miss = self.step_reason(*k, &line);
-            (
-                Status::Infeasible,
-                format!("no continuous solution: it takes {times}, the first before point {k}{miss}"),
-            )
-        } else {
-            (Status::Converged, String::new())
-        };
-        let blocked = if line.q.len() < n { vec![line.q.len()] } else { Vec::new() };
-        let clearance = self.clearance(&line);
-        let obstructions = line.reconfigurations.iter().map(|k| self.step_reason(*k, &line)).collect();
-        let Line { branch, swivel, q, reconfigurations, .. } = line;
-        SwivelPlan { status, reason, q, swivel, branch, reconfigurations, obstructions, blocked, clearance }
-    }
-
-    /// Distance from the obstacles along a line.
-    fn clearance(&self, line: &Line) -> Vec<f64> {
-        let Some(o) = &self.obstacles else { return Vec::new() };
-        let mut scratch = Scratch::new(self.arm.chain());
-        line.q.iter().enumerate().map(|(k, q)| o.arm.at_q(q, o.scene(k), &mut scratch)).collect()
-    }
-
-    /// The plan that says so, when obstacles cover every configuration within the limits of some points.
-    fn behind_obstacles(&self) -> Option<SwivelPlan> {
-        let o = self.obstacles.as_ref()?;
-        let n = self.circles.len();
-        // The best configuration of each point within the limits.
-        let best = |k: usize| -> Option<(f64, [f64; 7])> {
-            let mut scratch = Scratch::new(self.arm.chain());
-            let mut best: Option<(f64, [f64; 7])> = None;
-            for s in self.grid(k) {
-                let all = self.circles[k].all_branches(s);
-                let distances = self.distances(k, s, &all, &mut scratch);
-                for b in &self.branches {
-                    let within = self.holds(&all[*b]);
-                    if within && best.as_ref().is_none_or(|best| distances[*b] > best.0) {
-                        best = Some((distances[*b], all[*b]));
-                    }
-                }
-            }
-            best
-        };
-        let blocked: Vec<(usize, [f64; 7])> = (0..n)
-            .into_par_iter()
-            .filter_map(|k| best(k).filter(|best| best.0 <= 0.0).map(|best| (k, best.1)))
-            .collect();
-        let (k, q) = blocked.first()?;
-        let mut scratch = Scratch::new(self.arm.chain());
-        let kinematics = self.arm.chain().kinematics_unchecked(q, &mut scratch);
-        let pair = o.scene(*k).clearance_at(&o.arm.geometry, &kinematics)?;
-        let (count, link) = (blocked.len(), &self.arm.chain().links()[pair.link].name);
-        let verb = if count == 1 { "is" } else { "are" };
-        let (depth, which) = (-1e3 * pair.distance, pair.obstacle);
-        let word = o.scene(*k).obstacles()[which].shape.as_str();
-        let reason = format!(
-            "{count} of {n} points {verb} blocked by obstacles at every swivel; the first is point {k}: at best link \
-             '{link}' is {depth:.3} mm deep in obstacle {which} ({word})"
-        );
-        let blocked = blocked.iter().map(|(k, _)| *k).collect();
-        Some(SwivelPlan { status: Status::Unreachable, reason, blocked, ..empty() })
-    }
-
-    /// Which limits the branches break at the fixed swivel of point `k`, the least bad first.
-    fn nearest_miss(&self, k: usize) -> String {
-        let mut best = (f64::INFINITY, String::new());
-        for s in self.grid(k) {
-            let all = self.circles[k].all_branches(s);
-            for b in &self.branches {
-                let misses = (0..7).map(|i| {
-                    let above = all[*b][i] + TAU * ((self.lower[i] - all[*b][i]) / TAU).ceil();
-                    (above - self.upper[i]).max(0.0).min(self.lower[i] - above + TAU)
-                });
-                if let Some((i, miss)) = misses.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
-                    && miss < best.0
-                {
-                    let name = &self.arm.chain().joints()[i].name;
-                    best = (miss, format!("at best joint '{name}' is {miss:.6} rad outside its limits"));
-                }
-            }
-        }
-        best.1
-    }
-
-    /// What stands in the way of going on as before at a reconfiguration.
-    fn step_reason(&self, k: usize, line: &Line) -> String {
-        let all = self.circles[k].all_branches(line.swivel[k - 1]);
-        let q = &all[line.branch[k - 1]];
-        for i in 0..7 {
-            let at = q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round();
-            let name = &self.arm.chain().joints()[i].name;
-            if at < self.lower[i] || at > self.upper[i] {
-                let (lower, upper) = (self.lower[i], self.upper[i]);
-                return format!(" (joint '{name}' would leave [{lower:.6}, {upper:.6}] rad)");
-            }
-            let step = (at - line.q[k - 1][i]).abs();
-            if step > self.steps[k - 1][i] {
-                return format!(
-                    " (joint '{name}' would have to step by {step:.6} rad, {:.6} may be)",
-                    self.steps[k - 1][i]
-                );
-            }
-        }
-        let mut scratch = Scratch::new(self.arm.chain());
-        let distance = self.distances(k, line.swivel[k - 1], &all, &mut scratch)[line.branch[k - 1]];
-        if distance <= 0.0 {
-            return format!(" (the arm would be {:.3} mm deep in an obstacle)", -1e3 * distance);
-        }
-        let near = |k: usize, q: &[f64; 7], s: f64, scratch: &mut Scratch| self.distance(k, s, q, scratch);
-        let s = line.swivel[k - 1];
-        let before = near(k - 1, &line.q[k - 1], s, &mut scratch);
-        let after: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((line.q[k - 1][i] - q[i]) / TAU).round());
-        if !self.edge_is_clear(k - 1, [&line.q[k - 1], &after], [before, distance], &mut scratch) {
-            return format!(" (the arm would touch an obstacle between points {} and {k})", k - 1);
-        }
-        if self.obstacles.is_some() {
-            return " (every way on ends at a joint limit or at an obstacle)".into();
-        }
-        " (every way on ends at a joint limit)".into()
-    }
-
-    /// What to say when no line closes.
-    pub fn never_closed(&self) -> SwivelPlan {
-        SwivelPlan {
-            status: Status::Infeasible,
-            reason: "no line along the path ends in the configuration in which it began".into(),
-            ..empty()
         }
     }
 }

@@ -1,11 +1,9 @@
 //! The line of the grid as a smooth one: dynamic programming in a tube around it, then Newton's method on all points.
 
-use std::f64::consts::TAU;
-
-use rayon::prelude::*;
-
 use super::problem::{Line, Problem};
+use crate::joint_space::{TURN, nearest, nearest_all};
 use crate::kinematics::Scratch;
+use crate::parallel::prelude::*;
 
 /// Most Newton steps of the refinement, and the relative decrease of the cost at which it stops.
 const POLISH_STEPS: usize = 40;
@@ -94,7 +92,7 @@ impl Problem<'_> {
         let mut before = *first;
         for (k, q) in rows.iter_mut().enumerate() {
             for i in 0..7 {
-                q[i] += TAU * ((before[i] - q[i]) / TAU).round();
+                q[i] = nearest(q[i], before[i]);
                 let step = k == 0 || (q[i] - before[i]).abs() <= self.steps[k - 1][i];
                 if !(step && q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
                     return None;
@@ -125,7 +123,7 @@ impl Problem<'_> {
         scratch: &mut Scratch,
     ) -> Option<f64> {
         let q = self.circles[k].branch_of(s, branch);
-        let q: [f64; 7] = std::array::from_fn(|i| q[i] + TAU * ((near[i] - q[i]) / TAU).round());
+        let q = nearest_all(&q, near);
         if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
             return None;
         }
@@ -134,7 +132,7 @@ impl Problem<'_> {
     }
 
     /// Total cost of a line whose distances from the obstacles are known.
-    fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[f64]) -> f64 {
+    pub fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[f64]) -> f64 {
         let init = || Scratch::new(self.arm.chain());
         let points: Vec<f64> = (0..q.len())
             .into_par_iter()
@@ -168,7 +166,7 @@ impl Problem<'_> {
             return line;
         }
         let ring = self.settings.cyclic;
-        let trust = TAU / self.settings.swivels as f64;
+        let trust = TURN / self.settings.swivels as f64;
         let (w, wa) = (self.settings.motion_weight, self.settings.acceleration_weight);
         let Some((q, near)) = self.along(&line.swivel, &line.branch, &line.q[0]) else { return line };
         let mut cost = self.cost_of(&line.swivel, &q, &near);
@@ -275,7 +273,7 @@ impl Problem<'_> {
         let ring = self.settings.cyclic && line.reconfigurations.is_empty();
         // A closed line has its first point again as its last.
         let points = if ring { n - 1 } else { n };
-        let mut spacing = TAU / self.settings.swivels as f64 / 2.0;
+        let mut spacing = TURN / self.settings.swivels as f64 / 2.0;
         let fix = TUBE_WIDTH / 2;
         for pass in 0..TUBE_PASSES {
             let offset = |j: usize| spacing * (j as f64 - fix as f64);
@@ -288,8 +286,7 @@ impl Problem<'_> {
                         std::array::from_fn(|j| {
                             let s = line.swivel[k] + offset(j);
                             let q = self.circles[k].branch_of(s, line.branch[k]);
-                            let q: [f64; 7] =
-                                std::array::from_fn(|i| q[i] + TAU * ((line.q[k][i] - q[i]) / TAU).round());
+                            let q = nearest_all(&q, &line.q[k]);
                             if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
                                 return None;
                             }
@@ -354,8 +351,7 @@ impl Problem<'_> {
                 j = came[at][j];
             }
             if ring {
-                let turns = ((line.swivel[points] - line.swivel[0]) / TAU).round();
-                line.swivel[points] = line.swivel[0] + TAU * turns;
+                line.swivel[points] = nearest(line.swivel[0], line.swivel[points]);
                 line.q[points] = line.q[0];
             }
             if let Some(kept) = kept.filter(|_| !self.touching(&line).is_empty()) {

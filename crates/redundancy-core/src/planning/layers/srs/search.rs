@@ -5,12 +5,13 @@
 //! plain arithmetic on rows of numbers. Of where a state came from only the offset is kept, a byte; windings follow from
 //! the joint positions.
 
-use std::f64::consts::{PI, TAU};
-
-use rayon::prelude::*;
+use std::f64::consts::PI;
 
 use super::problem::{Line, Problem, turns_between};
+use crate::joint_space::{TURN, nearest, turned, wrap};
 use crate::kinematics::Scratch;
+use crate::parallel::prelude::*;
+use crate::watch::{Interrupted, WatchPart};
 
 /// Swivels that are looked at together.
 const LANES: usize = 8;
@@ -24,10 +25,15 @@ const DENSE: usize = 10;
 const CLOSED_STARTS: usize = 12;
 /// Searches after which steps between all points are looked at, not only those that were found to touch.
 const LAZY_SEARCHES: usize = 8;
+/// Part of the work that is done when the last point is reached; the rest is the refinement.
+const SEARCH_SHARE: f64 = 0.9;
 /// Where a state came from: not at all, from the start, or by a reconfiguration; else the number of the offset.
 const NONE: u8 = 255;
 const START: u8 = 254;
 const JUMP: u8 = 253;
+
+/// A line, or none where there is none; or why the search ended early.
+type Found = Result<Option<Line>, Interrupted>;
 
 /// A state of one point: position of the branch in [`Problem::branches`], cell, code of the windings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +86,7 @@ pub(in crate::planning) struct Grid<'a> {
 impl<'a> Grid<'a> {
     /// A grid of `cells`, on which a step may turn the swivel by `reach` (rad).
     pub fn new(problem: &'a Problem<'a>, cells: usize, reach: f64) -> Self {
-        let most = ((reach / TAU * cells as f64).ceil() as usize).min(cells / 2);
+        let most = ((reach / TURN * cells as f64).ceil() as usize).min(cells / 2);
         let mut offsets = vec![0];
         let mut offset = 1;
         while offset <= most && cells > 1 {
@@ -101,7 +107,7 @@ impl<'a> Grid<'a> {
 
     /// Swivel of a cell at point `k`.
     fn angle(&self, k: usize, cell: usize) -> f64 {
-        self.problem.fixed(k).unwrap_or(TAU * (cell as f64 / self.cells as f64 - 0.5))
+        self.problem.fixed(k).unwrap_or(TURN * (cell as f64 / self.cells as f64 - 0.5))
     }
 
     /// Repeats the circle on both sides of a row.
@@ -163,14 +169,14 @@ impl<'a> Grid<'a> {
     /// Nodes in the arcs that fall between the cells: narrower than one, but arcs all the same.
     fn narrow(&self, k: usize, layer: &mut Layer, alive: &mut [u8], scratch: &mut Scratch) {
         let problem = self.problem;
-        let width = TAU / self.cells as f64;
+        let width = TURN / self.cells as f64;
         for (row, branch) in problem.branches.iter().enumerate() {
             for [lower, upper] in problem.circles[k].arcs_of(*branch) {
                 if upper - lower >= width {
                     continue;
                 }
                 let middle = 0.5 * (lower + upper);
-                let cell = ((middle / TAU + 0.5) * self.cells as f64).round() as usize % self.cells;
+                let cell = ((middle / TURN + 0.5) * self.cells as f64).round() as usize % self.cells;
                 if alive[cell] & (1 << branch) != 0 {
                     continue;
                 }
@@ -197,7 +203,7 @@ impl<'a> Grid<'a> {
     ) {
         let problem = self.problem;
         let windings = &problem.windings;
-        let wound: [f64; 7] = std::array::from_fn(|i| q[i] + windings.turns[0][i] * TAU);
+        let wound: [f64; 7] = std::array::from_fn(|i| turned(q[i], windings.turns[0][i]));
         if (0..7).any(|i| !windings.counts(i) && (wound[i] < problem.lower[i] || wound[i] > problem.upper[i]))
         {
             return;
@@ -218,7 +224,7 @@ impl<'a> Grid<'a> {
             let mut cost = shared;
             let mut holds = true;
             for i in windings.several() {
-                let wound = q[i] + TAU * turns[i];
+                let wound = turned(q[i], turns[i]);
                 holds &= wound >= problem.lower[i] && wound <= problem.upper[i];
                 cost += problem.limit_cost(i, wound);
             }
@@ -392,7 +398,7 @@ impl<'a> Grid<'a> {
     fn shorten(&self, joint: usize, step: &mut [f64; LANES]) -> bool {
         let over = step.iter().fold(0.0, |most, d| if d.abs() > most { d.abs() } else { most }) > PI;
         if over && !self.problem.windings.counts(joint) {
-            step.iter_mut().for_each(|d| *d -= TAU * (*d / TAU).round());
+            step.iter_mut().for_each(|d| *d = wrap(*d));
             return false;
         }
         over
@@ -414,7 +420,7 @@ impl<'a> Grid<'a> {
         let problem = self.problem;
         let (a, b) = (self.position(before, branch, cell), self.position(here, branch, to));
         let turns = turns_between(&problem.windings, &a, &b);
-        let target: [f64; 7] = std::array::from_fn(|i| b[i] - TAU * f64::from(turns[i]));
+        let target: [f64; 7] = std::array::from_fn(|i| turned(b[i], -f64::from(turns[i])));
         let mut sum = 0.0;
         for i in 0..7 {
             let step = target[i] - a[i];
@@ -443,15 +449,8 @@ impl<'a> Grid<'a> {
     }
 
     /// Dynamic programming; with `tied`, from this state and back to it. Without `jumps` a line is continuous or there
-    /// is none (`None` inside); with them it may be short, where a point has no node at all. `None` when the caller
-    /// stops it.
-    fn search(
-        &self,
-        tied: Option<State>,
-        jumps: bool,
-        checked: &[bool],
-        progress: &mut dyn FnMut(f64) -> bool,
-    ) -> Option<Option<Line>> {
+    /// is none; with them it may be short, where a point has no node at all.
+    fn search(&self, tied: Option<State>, jumps: bool, checked: &[bool], watch: WatchPart<'_>) -> Found {
         let n = self.problem.circles.len();
         let mut rows: Vec<Row> = Vec::new();
         let mut walk = Walk::default();
@@ -467,7 +466,7 @@ impl<'a> Grid<'a> {
             if start == 0 {
                 rows = (0..self.rows()).map(|branch| self.first(&layers[0], branch, tied)).collect();
                 if layers[0].codes.iter().all(Vec::is_empty) {
-                    return Some(jumps.then(Line::default));
+                    return Ok(jumps.then(Line::default));
                 }
             }
             let at = |k: usize| if k < start { last.as_ref() } else { layers.get(k - start) };
@@ -478,7 +477,7 @@ impl<'a> Grid<'a> {
                     let (state, cost) = self.best(&rows);
                     walk.cheapest.push(state);
                     if pair[1].codes.iter().all(Vec::is_empty) {
-                        return Some(Some(self.backtrack(&rows, &walk, state, k)));
+                        return Ok(Some(self.backtrack(&rows, &walk, state, k)));
                     }
                     let jump = cost + self.problem.reconfiguration;
                     rows.par_iter_mut()
@@ -494,17 +493,15 @@ impl<'a> Grid<'a> {
                     }
                 });
                 if !self.best(&rows).1.is_finite() {
-                    return Some(None);
+                    return Ok(None);
                 }
             }
             last = layers.pop();
-            if !progress(0.9 * end as f64 / n as f64) {
-                return None;
-            }
+            watch.report(SEARCH_SHARE * end as f64 / n as f64)?;
         }
         let state = tied.unwrap_or_else(|| self.best(&rows).0);
         let line = self.backtrack(&rows, &walk, state, n);
-        Some(line.cost.is_finite().then_some(line))
+        Ok(line.cost.is_finite().then_some(line))
     }
 
     /// The cheapest state so far and its cost.
@@ -540,7 +537,7 @@ impl<'a> Grid<'a> {
                 (s, problem.circles[k].all_branches(s)[index])
             }
         };
-        let wound = |i: usize| if windings.counts(i) { q[i] } else { q[i] + TAU * windings.turns[0][i] };
+        let wound = |i: usize| if windings.counts(i) { q[i] } else { turned(q[i], windings.turns[0][i]) };
         (s, std::array::from_fn(wound))
     }
 
@@ -586,56 +583,43 @@ impl<'a> Grid<'a> {
         for k in 1..line.q.len() {
             // A joint without limits has no windings of its own: it goes on as it came.
             for i in (0..7).filter(|i| windings.free(*i)) {
-                let step = line.q[k][i] - line.q[k - 1][i];
-                line.q[k][i] -= TAU * (step / TAU).round();
+                line.q[k][i] = nearest(line.q[k][i], line.q[k - 1][i]);
             }
-            let step = line.swivel[k] - line.swivel[k - 1];
-            line.swivel[k] -= TAU * (step / TAU).round();
+            line.swivel[k] = nearest(line.swivel[k], line.swivel[k - 1]);
         }
         line
     }
 
-    /// The cheapest line, closed where it has to be, clear of obstacles between its points where `whole`. `None` when the
-    /// caller stops it, `None` inside when there is none.
-    pub fn line(
-        &self,
-        jumps: bool,
-        whole: bool,
-        progress: &mut dyn FnMut(f64) -> bool,
-    ) -> Option<Option<Line>> {
+    /// The cheapest line, closed where it has to be, clear of obstacles between its points where `whole`.
+    pub fn line(&self, jumps: bool, whole: bool, watch: WatchPart<'_>) -> Found {
         let problem = self.problem;
         let n = problem.circles.len();
         let mut checked = vec![false; n];
         for round in 0.. {
             let line = if problem.settings.cyclic {
-                self.closed(jumps, &checked, progress)?
+                self.closed(jumps, &checked, watch)?
             } else {
-                self.search(None, jumps, &checked, progress)?
+                self.search(None, jumps, &checked, watch)?
             };
-            let Some(line) = line else { return Some(None) };
+            let Some(line) = line else { return Ok(None) };
             let touching = if whole { problem.touching(&line) } else { Vec::new() };
             if touching.is_empty() || checked.iter().all(|c| *c) {
-                return Some(Some(line));
+                return Ok(Some(line));
             }
             touching.iter().for_each(|k| checked[*k] = true);
             if round == LAZY_SEARCHES {
                 checked.fill(true);
             }
         }
-        Some(None)
+        Ok(None)
     }
 
     /// The best of the closed lines from several states of the first point: from where the open line ends, and from
-    /// the cheapest state of each connected piece. `None` inside when none of them closes.
-    fn closed(
-        &self,
-        jumps: bool,
-        checked: &[bool],
-        progress: &mut dyn FnMut(f64) -> bool,
-    ) -> Option<Option<Line>> {
-        let Some(open) = self.search(None, jumps, checked, progress)? else { return Some(None) };
+    /// the cheapest state of each connected piece; none where no line closes.
+    fn closed(&self, jumps: bool, checked: &[bool], watch: WatchPart<'_>) -> Found {
+        let Some(open) = self.search(None, jumps, checked, watch)? else { return Ok(None) };
         if open.q.len() < self.problem.circles.len() {
-            return Some(Some(open));
+            return Ok(Some(open));
         }
         let layer = self.layer(0, &mut Scratch::new(self.problem.arm.chain()));
         let mut starts: Vec<State> =
@@ -644,7 +628,7 @@ impl<'a> Grid<'a> {
         starts.dedup();
         let mut best: Option<Line> = None;
         for start in starts.into_iter().take(CLOSED_STARTS) {
-            let Some(line) = self.search(Some(start), jumps, checked, progress)? else { continue };
+            let Some(line) = self.search(Some(start), jumps, checked, watch)? else { continue };
             let worse =
                 |b: &Line| (line.reconfigurations.len(), line.cost) < (b.reconfigurations.len(), b.cost);
             let whole = line.q.len() == self.problem.circles.len();
@@ -655,7 +639,7 @@ impl<'a> Grid<'a> {
                 break;
             }
         }
-        Some(best)
+        Ok(best)
     }
 
     /// The state of the first point that is nearest to row `row` of a line.
@@ -666,7 +650,7 @@ impl<'a> Grid<'a> {
             let q = problem.windings.wound(&self.position(layer, branch, state.cell), state.code);
             let gap = |i: usize| {
                 let gap = q[i] - line.q[row][i];
-                if problem.windings.free(i) { gap - TAU * (gap / TAU).round() } else { gap }
+                if problem.windings.free(i) { wrap(gap) } else { gap }
             };
             (0..7).map(|i| gap(i).powi(2)).sum()
         };

@@ -23,19 +23,20 @@
 //! The decomposition is Pieper's `[Pieper1968]`; the parameters of `[Brandstotter2014]` are those of this module with
 //! right angles between the forearm and axis 3.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 use wide::f64x4;
 
 use super::complex::{Complex, complex};
 use super::geometry::WristGeometry;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_length};
-use crate::pose::{Pose, check_pose, pose_from_row_major};
-use crate::solutions::{Defect, at, nearest_winding, opposite, outside, principal, signs, within, wrapped};
+use crate::joint_space::{TURN, nearest_within, opposite, outside, within, wrap, wrap_sum};
+use crate::parallel::prelude::*;
+use crate::pose::{Pose, checked_pose, pose_from_row_major};
+use crate::solutions::closed_form::gimbal::shared;
+use crate::solutions::{Defect, at, signs};
 use crate::status::Status;
 use crate::tolerance::{GIMBAL_PASSAGE, GIMBAL_SINE, REACH_ROUNDING};
 
@@ -70,7 +71,7 @@ struct Inner {
 }
 
 /// Every configuration over one pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Configurations {
     /// `Converged`, `Unreachable`, or `Limits` (in reach, but no branch within the joint limits).
     pub status: Status,
@@ -82,6 +83,14 @@ pub struct Configurations {
     pub q: Vec<[f64; 6]>,
     /// Their branches, `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`.
     pub branches: Vec<usize>,
+    pub(super) arm: SphericalWristArm,
+    pub(super) pose: Pose,
+    /// All branches, within the limits where a winding allows it.
+    pub(super) rows: [[f64; 6]; 8],
+    /// Bit `b`: row `b` is a configuration, limits aside.
+    pub(super) reachable: u8,
+    /// The wrist centre is on axis 1, which leaves joint 1 free.
+    pub(super) free: bool,
 }
 
 /// What the pose fixes, in the frame of the base of the arm.
@@ -109,8 +118,8 @@ impl SphericalWristArm {
         let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
         lower.copy_from_slice(chain.lower());
         upper.copy_from_slice(chain.upper());
-        let (sin, cos) = 0.0_f64.clamp(lower[0], upper[0]).sin_cos();
-        let inner = Inner { chain: chain.clone(), geometry, lower, upper, free: complex(cos, sin) };
+        let free = geometry.first_direction(0.0_f64.clamp(lower[0], upper[0]));
+        let inner = Inner { chain: chain.clone(), geometry, lower, upper, free };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -146,7 +155,7 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn solve(&self, pose: &Pose, limits: bool) -> Result<Vec<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         let mut rows = [[0.0; 6]; 8];
         let mask = self.solve_into(pose, limits, &mut rows);
         Ok((0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect())
@@ -161,9 +170,15 @@ impl SphericalWristArm {
         if !limits {
             return reachable;
         }
+        self.mask_limits(reachable, out)
+    }
+
+    /// Bit `b` is set when a winding of the reachable row `b` holds all limits; that winding is written back.
+    #[inline]
+    fn mask_limits(&self, reachable: u8, rows: &mut [[f64; 6]; 8]) -> u8 {
         let mut mask = 0;
-        for branch in 0..8 {
-            if reachable & (1 << branch) != 0 && self.hold_limits(&mut out[branch]) {
+        for (branch, row) in rows.iter_mut().enumerate() {
+            if reachable & (1 << branch) != 0 && self.hold_limits(row) {
                 mask |= 1 << branch;
             }
         }
@@ -201,19 +216,24 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
     pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<[f64; 6]>> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
         self.chain().check_q(q)?;
         Ok(self.nearest_unchecked(pose, q))
     }
 
     /// [`SphericalWristArm::nearest`] for checked input; allocates nothing.
-    pub(crate) fn nearest_unchecked(&self, pose: &Pose, q: &[f64]) -> Option<[f64; 6]> {
+    pub(super) fn nearest_unchecked(&self, pose: &Pose, q: &[f64]) -> Option<[f64; 6]> {
+        self.nearest_branch(pose, q).map(|(_, near)| near)
+    }
+
+    /// [`SphericalWristArm::nearest_unchecked`] with its branch.
+    pub(super) fn nearest_branch(&self, pose: &Pose, q: &[f64]) -> Option<(usize, [f64; 6])> {
         let Inner { lower, upper, .. } = &*self.inner;
         let target = self.target(pose);
-        let (sin, cos) = q[0].clamp(lower[0], upper[0]).sin_cos();
+        let free = self.inner.geometry.first_direction(q[0].clamp(lower[0], upper[0]));
         let mut rows = [[0.0; 6]; 8];
-        let reachable = self.branches(&target, complex(cos, sin), &mut rows);
-        let mut best: Option<(f64, [f64; 6])> = None;
+        let reachable = self.branches(&target, free, &mut rows);
+        let mut best: Option<(f64, usize, [f64; 6])> = None;
         for (branch, row) in rows.iter().enumerate() {
             if reachable & (1 << branch) == 0 {
                 continue;
@@ -221,7 +241,7 @@ impl SphericalWristArm {
             let mut near = [0.0; 6];
             let shared = self.wrist_share(row);
             let inside = (0..6).all(|i| {
-                let wound = nearest_winding(row[i], q[i], lower[i], upper[i]);
+                let wound = nearest_within(row[i], q[i], lower[i], upper[i]);
                 near[i] = wound.unwrap_or(row[i]);
                 wound.is_some() || (shared.is_some() && (i == 3 || i == 5))
             });
@@ -229,17 +249,17 @@ impl SphericalWristArm {
                 continue;
             }
             if let Some(sense) = shared {
-                match self.share(row, sense, [q[3], q[5]]) {
+                match self.share(row, sense, [q[3], q[5]], 0.0) {
                     Some([q4, q6]) => (near[3], near[5]) = (q4, q6),
                     None => continue,
                 }
             }
             let distance = near.iter().zip(q).map(|(a, b)| (a - b) * (a - b)).sum();
-            if best.is_none_or(|(least, _)| distance < least) {
-                best = Some((distance, near));
+            if best.is_none_or(|(least, ..)| distance < least) {
+                best = Some((distance, branch, near));
             }
         }
-        best.map(|(_, q)| q)
+        best.map(|(_, branch, q)| (branch, q))
     }
 
     /// [`SphericalWristArm::nearest`] for many poses, to one `q` for all (6 numbers) or one for each (`N * 6`).
@@ -268,7 +288,7 @@ impl SphericalWristArm {
     pub fn branch(&self, q: &[f64]) -> Result<[i8; 3]> {
         self.chain().check_q(q)?;
         let g = &self.inner.geometry;
-        let angle = |i: usize| wrapped(g.sign[i] * (q[i] - g.zero[i]));
+        let angle = |i: usize| wrap(g.sign[i] * (q[i] - g.zero[i]));
         let (sin, cos) = angle(1).sin_cos();
         let (sin3, cos3) = angle(2).sin_cos();
         let upper = complex(cos, sin);
@@ -281,27 +301,56 @@ impl SphericalWristArm {
     /// # Errors
     /// A pose that is not rigid or finite.
     pub fn configurations(&self, pose: &Pose) -> Result<Configurations> {
-        check_pose("pose", pose)?;
+        let pose = &checked_pose("pose", pose)?;
+        let target = self.target(pose);
         let mut rows = [[0.0; 6]; 8];
-        let mask = self.solve_into(pose, true, &mut rows);
+        let reachable = self.branches(&target, self.inner.free, &mut rows);
+        let mask = self.mask_limits(reachable, &mut rows);
         let branches: Vec<usize> = (0..8).filter(|b| mask & (1 << b) != 0).collect();
         let q = branches.iter().map(|b| rows[*b]).collect();
         let (mut status, mut reason, mut distance) = (Status::Converged, String::new(), 0.0);
-        if branches.is_empty() {
-            let target = self.target(pose);
-            let reachable = self.branches(&target, self.inner.free, &mut rows);
-            if reachable == 0 {
-                (status, distance) = (Status::Unreachable, self.miss(&target));
-                reason = format!(
-                    "the wrist would be {:.6} mm outside of what shoulder and elbow reach",
-                    1e3 * distance
-                );
-            } else {
-                status = Status::Limits;
-                reason = self.limits_reason(&rows, reachable);
+        if reachable == 0 {
+            (status, distance) = (Status::Unreachable, self.miss(&target));
+            let mm = 1e3 * distance;
+            reason = format!("the wrist would be {mm:.6} mm outside of what shoulder and elbow reach");
+        } else if mask == 0 {
+            status = Status::Limits;
+            reason = self.limits_reason(&rows, reachable);
+        }
+        let free = reachable != 0 && target.wrist.xy().norm() <= self.slack();
+        let (arm, pose) = (self.clone(), *pose);
+        Ok(Configurations { status, reason, distance, q, branches, arm, pose, rows, reachable, free })
+    }
+
+    /// Distance of the wrist from axis 1 (m) that is rounding.
+    #[inline(always)]
+    fn slack(&self) -> f64 {
+        let g = &self.inner.geometry;
+        REACH_ROUNDING * (g.upper_arm + g.forearm + g.shoulder.norm() + g.lateral.abs())
+    }
+
+    /// Row `branch` over `pose`, limits aside, with joint 1 at `first` where the pose leaves it free.
+    pub(super) fn row_at(&self, pose: &Pose, first: f64, branch: usize) -> [f64; 6] {
+        let mut rows = [[0.0; 6]; 8];
+        self.branches(&self.target(pose), self.inner.geometry.first_direction(first), &mut rows);
+        rows[branch]
+    }
+
+    /// Whether the configuration `q` over a pose holds all limits with `margin` in some winding, joints 4 and 6 sharing
+    /// their sum where the wrist is at its gimbal.
+    pub(super) fn holds_margin(&self, q: &[f64; 6], margin: f64) -> bool {
+        let Inner { lower, upper, .. } = &*self.inner;
+        let shared = self.wrist_share(q);
+        let holds = |i: usize| {
+            let (lower, upper) = (lower[i] + margin, upper[i] - margin);
+            lower <= upper && within(q[i], lower, upper).is_some()
+        };
+        match shared {
+            None => (0..6).all(holds),
+            Some(sense) => {
+                [0, 1, 2, 4].into_iter().all(holds) && self.share(q, sense, [0.0; 2], margin).is_some()
             }
         }
-        Ok(Configurations { status, reason, distance, q, branches })
     }
 
     /// Signs `[shoulder, elbow, wrist]` of a branch index.
@@ -323,8 +372,7 @@ impl SphericalWristArm {
     fn branches(&self, target: &Target, free: Complex, out: &mut [[f64; 6]; 8]) -> u8 {
         let g = &self.inner.geometry;
         let (l2, l3, b) = (g.upper_arm, g.forearm, g.lateral);
-        let length = l2 + l3 + g.shoulder.norm() + b.abs();
-        let slack = REACH_ROUNDING * length;
+        let slack = self.slack();
         // Coordinates along e, m, k; joint 1 turns e towards m.
         let [x, y, z] = [target.wrist.x, target.wrist.y, target.wrist.z];
         let rho = (x * x + y * y).sqrt();
@@ -381,8 +429,8 @@ impl SphericalWristArm {
             for (elbow, angles) in angles.iter().enumerate() {
                 let row = 2 * shoulder + elbow;
                 let [d, e, f] = [wrist[0][row], wrist[1][row], wrist[2][row]];
-                let arm = [0, 1, 2].map(|i| principal(g.sign[i] * angles[i] + g.zero[i]));
-                let five = [e, -e].map(|e| principal(e + g.zero[4]));
+                let arm = [0, 1, 2].map(|i| wrap_sum(g.sign[i] * angles[i] + g.zero[i]));
+                let five = [e, -e].map(|e| wrap_sum(e + g.zero[4]));
                 out[2 * row] = [arm[0], arm[1], arm[2], d, five[0], f];
                 out[2 * row + 1] = [arm[0], arm[1], arm[2], opposite(d), five[1], opposite(f)];
             }
@@ -405,7 +453,7 @@ impl SphericalWristArm {
     fn wind(&self, q: &mut [f64; 6]) -> bool {
         let Inner { lower, upper, .. } = &*self.inner;
         if let Some(sense) = self.wrist_share(q)
-            && let Some([q4, q6]) = self.share(q, sense, [0.0; 2])
+            && let Some([q4, q6]) = self.share(q, sense, [0.0; 2], 0.0)
         {
             (q[3], q[5]) = (q4, q6);
         }
@@ -420,8 +468,8 @@ impl SphericalWristArm {
 
     /// At the wrist's gimbal: +1 where `q4 + q6` is fixed, -1 where `q6 - q4` is.
     #[inline(always)]
-    fn wrist_share(&self, q: &[f64; 6]) -> Option<f64> {
-        let middle = wrapped(q[4] - self.inner.geometry.zero[4]);
+    pub(super) fn wrist_share(&self, q: &[f64; 6]) -> Option<f64> {
+        let middle = wrap(q[4] - self.inner.geometry.zero[4]);
         if middle.abs() <= GIMBAL_PASSAGE {
             Some(1.0)
         } else if middle.abs() >= std::f64::consts::PI - GIMBAL_PASSAGE {
@@ -431,32 +479,13 @@ impl SphericalWristArm {
         }
     }
 
-    /// Joints 4 and 6 with the sum (sense +1) or difference (-1) of `row`, within their limits and nearest to `wish`.
+    /// Joints 4 and 6 with the sum (sense +1) or difference (-1) of `row`, within their limits by `margin` and nearest to
+    /// `wish`.
     #[cold]
-    fn share(&self, row: &[f64; 6], sense: f64, wish: [f64; 2]) -> Option<[f64; 2]> {
-        const WINDINGS: i32 = 8;
-        let Inner { lower, upper, .. } = &*self.inner;
-        // q4 = x, q6 = constant + 2 pi k - sense x.
-        let constant = row[5] + sense * row[3];
-        let centre = ((wish[1] + sense * wish[0] - constant) / TAU).round();
-        let mut best: Option<(f64, [f64; 2])> = None;
-        for k in -WINDINGS..=WINDINGS {
-            let total = constant + TAU * (centre + f64::from(k));
-            let (mut low, mut high) = (lower[3], upper[3]);
-            let ends = [sense * (total - upper[5]), sense * (total - lower[5])];
-            low = low.max(ends[0].min(ends[1]));
-            high = high.min(ends[0].max(ends[1]));
-            if low > high {
-                continue;
-            }
-            let x = (0.5 * (wish[0] + sense * (total - wish[1]))).clamp(low, high);
-            let pair = [x, (total - sense * x).clamp(lower[5], upper[5])];
-            let distance = (pair[0] - wish[0]).powi(2) + (pair[1] - wish[1]).powi(2);
-            if best.is_none_or(|(least, _)| distance < least) {
-                best = Some((distance, pair));
-            }
-        }
-        best.map(|(_, pair)| pair)
+    fn share(&self, row: &[f64; 6], sense: f64, wish: [f64; 2], margin: f64) -> Option<[f64; 2]> {
+        let outer = |limits: [f64; 6], margin: f64| [limits[3] + margin, limits[5] + margin];
+        let (lower, upper) = (outer(self.inner.lower, margin), outer(self.inner.upper, -margin));
+        shared([row[3], row[5]], sense, wish, lower, upper)
     }
 
     /// Distance of the wrist centre from the nearest point that shoulder and elbow reach.
@@ -479,13 +508,13 @@ impl SphericalWristArm {
         for radius in radii {
             let mut best = (f64::INFINITY, 0.0);
             for k in 0..SAMPLES {
-                let angle = TAU * k as f64 / SAMPLES as f64;
+                let angle = TURN * k as f64 / SAMPLES as f64;
                 let value = distance(radius, angle);
                 if value < best.0 {
                     best = (value, angle);
                 }
             }
-            let mut step = TAU / SAMPLES as f64;
+            let mut step = TURN / SAMPLES as f64;
             while step > 1e-12 {
                 let tried = [best.1 - step, best.1 + step].map(|angle| (distance(radius, angle), angle));
                 let better = if tried[0].0 < tried[1].0 { tried[0] } else { tried[1] };

@@ -10,7 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::complex::{Complex, complex};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
-use crate::solutions::{Defect, Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
+use crate::joint_space::wrap;
+use crate::solutions::{Defect, Line, distance_to_line, orthonormal, rotation_y, spherical};
 use crate::tolerance::{SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS};
 
 /// The ideal arm. Joint 1 turns the plane of the arm, spanned by `e` and `k`; in that plane, with complex coordinates
@@ -46,6 +47,13 @@ pub(super) struct WristGeometry {
 }
 
 impl WristGeometry {
+    /// Direction of e at the value `q` of joint 1.
+    #[inline(always)]
+    pub fn first_direction(&self, q: f64) -> Complex {
+        let (sin, cos) = (self.sign[0] * (q - self.zero[0])).sin_cos();
+        complex(cos, sin)
+    }
+
     /// Reads the geometry off `chain`.
     ///
     /// # Errors
@@ -124,7 +132,7 @@ impl WristGeometry {
             wrist_frame: orthonormal(&frame.tr_mul(&wrist_axes)).transpose(),
             tool_offset: orthonormal(&tool_offset),
             sign: [1.0, sign2, sign3, 1.0, 1.0, 1.0],
-            zero: [0.0, zero2, zero3, 0.0, -home5, 0.0].map(wrapped),
+            zero: [0.0, zero2, zero3, 0.0, -home5, 0.0].map(wrap),
             defect,
         })
     }

@@ -3,5 +3,6 @@
 mod arm;
 mod complex;
 mod geometry;
+mod solutions;
 
 pub use arm::{Configurations, SphericalWristArm};

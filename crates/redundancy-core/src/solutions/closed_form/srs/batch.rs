@@ -1,12 +1,11 @@
-//! Many poses at once: spread over rayon's current pool, the same bits whatever the number of threads.
-
-use rayon::prelude::*;
+//! Many poses at once: spread over the current pool, the same bits whatever the number of threads.
 
 use super::arm::{SrsArm, Swivel};
+use super::choice::Choice;
 use super::circle::SelfMotion;
-use super::optimum::Choice;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result, check_length};
+use crate::parallel::prelude::*;
 use crate::pose::pose_from_row_major;
 
 /// Poses that one task of the pool takes at least.

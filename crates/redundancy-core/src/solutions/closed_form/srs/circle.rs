@@ -4,9 +4,12 @@ use std::sync::OnceLock;
 
 use nalgebra::Vector3;
 
-use super::arm::{Circle, Reach, SrsArm, opposite, signs};
+use super::arm::SrsArm;
+use super::elbow_circle::{Circle, Reach, signs};
 use super::intervals::Arcs;
 use crate::error::{Error, Result};
+use crate::joint_space::{TURN, opposite, outside};
+use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
 use crate::tolerance::GIMBAL_PASSAGE;
 
@@ -32,6 +35,18 @@ pub struct SelfMotion {
     arcs: OnceLock<Arcs>,
 }
 
+impl SrsArm {
+    /// Everything over `pose` that does not depend on the swivel, as an object.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite.
+    pub fn self_motion(&self, pose: &Pose) -> Result<SelfMotion> {
+        let pose = &checked_pose("pose", pose)?;
+        let (circle, reach) = self.circle(pose);
+        Ok(SelfMotion::new(self.clone(), circle, reach))
+    }
+}
+
 impl SelfMotion {
     pub(super) fn new(arm: SrsArm, circle: Circle, reach: Reach) -> Self {
         Self { arm, circle, reach, arcs: OnceLock::new() }
@@ -53,14 +68,20 @@ impl SelfMotion {
         }
     }
 
-    /// Why there is no configuration within the limits, with the number; empty when there is one.
+    /// Why there is no configuration within the limits, with the number, and why the verdict is not exact where it is not;
+    /// empty when there is one and the verdict is exact.
     pub fn reason(&self) -> String {
-        match self.status() {
+        let reason = match self.status() {
             Status::Unreachable => {
                 SrsArm::reach_reason(self.reach).map_or_else(String::new, |(_, text)| text)
             }
             Status::Limits => self.limits_reason(),
             _ => String::new(),
+        };
+        match self.not_proven() {
+            None => reason,
+            Some(why) if reason.is_empty() => why,
+            Some(why) => format!("{reason}; {why}"),
         }
     }
 
@@ -158,7 +179,7 @@ impl SelfMotion {
 
     /// Feasible arcs without margin.
     pub(super) fn arcs(&self) -> &Arcs {
-        self.arcs.get_or_init(|| Arcs::new(&self.arm, &self.circle, &self.arm.inner.bounds))
+        self.arcs.get_or_init(|| Arcs::new(&self.arm.inner.geometry, &self.circle, &self.arm.inner.bounds))
     }
 
     /// Which limit is missed by how little at best: the least violation over all branches and swivels, estimated on
@@ -181,7 +202,7 @@ impl SelfMotion {
         let mut best = (f64::INFINITY, 0, 0, 0.0);
         for branch in self.branch_indices() {
             for k in 0..SAMPLES {
-                let s = std::f64::consts::TAU * k as f64 / SAMPLES as f64;
+                let s = TURN * k as f64 / SAMPLES as f64;
                 let (miss, joint) = violation(branch, s);
                 if miss < best.0 {
                     best = (miss, joint, branch, s);
@@ -189,7 +210,7 @@ impl SelfMotion {
             }
         }
         // Golden section is not needed: halve the step around the best sample.
-        let mut step = std::f64::consts::TAU / SAMPLES as f64;
+        let mut step = TURN / SAMPLES as f64;
         while step > 1e-9 {
             for s in [best.3 - step, best.3 + step] {
                 let (miss, joint) = violation(best.2, s);
@@ -205,14 +226,6 @@ impl SelfMotion {
             joint.name, best.0, joint.limits.lower, joint.limits.upper
         )
     }
-}
-
-/// How far the best winding of `q` is outside of its limits.
-pub(crate) fn outside(q: f64, lower: f64, upper: f64) -> f64 {
-    let turn = std::f64::consts::TAU;
-    let above = q + turn * ((lower - q) / turn).ceil();
-    let below = above - turn;
-    (above - upper).max(0.0).min(lower - below)
 }
 
 /// One circle of configurations: fixed signs of theta2, theta4, theta6, the swivel s runs.
@@ -301,6 +314,6 @@ impl Branch<'_> {
         }
         let inner = &self.motion.arm.inner;
         let bounds = super::intervals::bounds(&inner.geometry, &inner.lower, &inner.upper, margin);
-        Ok(Arcs::new(&self.motion.arm, &self.motion.circle, &bounds).of(self.index))
+        Ok(Arcs::new(&inner.geometry, &self.motion.circle, &bounds).of(self.index))
     }
 }

@@ -23,6 +23,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::chain::Chain;
 use crate::error::{Error, Result};
+use crate::joint_space::wrap;
 use crate::kinematics::Scratch;
 use crate::pose::Pose;
 use crate::solutions::Defect;
@@ -167,7 +168,7 @@ impl Geometry {
         tool_offset = orthonormal(&tool_offset);
 
         let sign = [1.0, sign2, sign3, sign4, sign5, sign6, sign7];
-        let zero = [-psi, -sign2 * b0, sign3 * c0, -sign4 * t0, sign5 * d0, -sign6 * e0, 0.0].map(wrapped);
+        let zero = [-psi, -sign2 * b0, sign3 * c0, -sign4 * t0, sign5 * d0, -sign6 * e0, 0.0].map(wrap);
 
         let tool = home.translation.vector;
         let reach = upper_arm + forearm + (tool - wrist).norm();
@@ -291,13 +292,6 @@ pub(crate) fn orthonormal(m: &Matrix3<f64>) -> Matrix3<f64> {
 pub(crate) fn distance_to_line(point: &Vector3<f64>, line: &Line) -> f64 {
     let d = point - line.point;
     (d - line.direction * line.direction.dot(&d)).norm()
-}
-
-/// The angle in `(-pi, pi]`.
-pub(crate) fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    let r = angle - TAU * (angle / TAU).round();
-    if r <= -PI { r + TAU } else { r }
 }
 
 fn not_srs<T>(reason: String) -> Result<T> {

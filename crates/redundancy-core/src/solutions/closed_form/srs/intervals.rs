@@ -9,11 +9,12 @@
 //!
 //! A joint whose range covers a turn limits nothing: some winding always holds.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
-use super::arm::{Circle, SrsArm};
-use super::geometry::{Geometry, wrapped};
+use super::elbow_circle::Circle;
+use super::geometry::Geometry;
 use super::spherical::{Spherical, sphericals};
+use crate::joint_space::{TURN, around, turned, wrap};
 use crate::tolerance::{LIMIT_SLACK, LIMITS_MEET};
 
 /// The allowed arc of one of the paper's angles.
@@ -29,7 +30,7 @@ pub(super) enum Bound {
 
 impl Bound {
     fn new(lower: f64, upper: f64) -> Self {
-        if upper - lower >= TAU {
+        if upper - lower >= TURN {
             return Self::Free;
         }
         if upper < lower {
@@ -126,8 +127,7 @@ pub(super) struct Arcs {
 }
 
 impl Arcs {
-    pub(super) fn new(arm: &SrsArm, circle: &Circle, bounds: &[Bound; 7]) -> Self {
-        let geometry = &arm.inner.geometry;
+    pub(super) fn new(geometry: &Geometry, circle: &Circle, bounds: &[Bound; 7]) -> Self {
         let none = Self { cuts: Vec::new(), arcs: vec![0], points: Vec::new(), breaks: Vec::new() };
         // The elbow does not depend on the swivel.
         let elbows =
@@ -147,14 +147,13 @@ impl Arcs {
         cuts.extend_from_slice(&jumps);
         cuts.sort_unstable_by(f64::total_cmp);
         // A branch can be feasible at a cut alone only where limits meet (or one is touched, a double root).
-        let next = |i: usize| if i + 1 < cuts.len() { cuts[i + 1] } else { cuts[0] + TAU };
-        let meet: Vec<bool> = (0..cuts.len()).map(|i| next(i) - cuts[i] < LIMITS_MEET).collect();
+        let meet: Vec<bool> = (0..cuts.len()).map(|i| around(&cuts, i + 1) - cuts[i] < LIMITS_MEET).collect();
         let crowded: Vec<f64> = (0..cuts.len())
             .filter(|i| meet[*i] || meet[if *i == 0 { cuts.len() - 1 } else { i - 1 }])
             .map(|i| cuts[i])
             .collect();
         cuts.dedup();
-        if cuts.len() > 1 && cuts[cuts.len() - 1] - cuts[0] >= TAU {
+        if cuts.len() > 1 && cuts[cuts.len() - 1] - cuts[0] >= TURN {
             cuts.pop();
         }
         let mask = |s: f64, slack: f64| -> u8 {
@@ -196,8 +195,8 @@ impl Arcs {
         if cuts.is_empty() {
             return Self { arcs: vec![mask(0.0, 0.0)], ..none };
         }
-        let end = |i: usize| if i + 1 < cuts.len() { cuts[i + 1] } else { cuts[0] + TAU };
-        let arcs: Vec<u8> = (0..cuts.len()).map(|i| mask(0.5 * (cuts[i] + end(i)), 0.0)).collect();
+        let arcs: Vec<u8> =
+            (0..cuts.len()).map(|i| mask(0.5 * (cuts[i] + around(&cuts, i + 1)), 0.0)).collect();
         let points = (0..cuts.len())
             .map(|i| {
                 let beside = arcs[i] | arcs[if i == 0 { arcs.len() - 1 } else { i - 1 }];
@@ -215,7 +214,7 @@ impl Arcs {
 
     /// Whether a branch holds its limits at `s`, which is not a cut.
     pub(super) fn holds(&self, branch: usize, s: f64) -> bool {
-        let s = wrapped(s);
+        let s = wrap(s);
         // The arc before the first cut is the last one.
         let after = self.cuts.partition_point(|cut| *cut <= s);
         let arc = if after == 0 { self.arcs.len() - 1 } else { after - 1 };
@@ -224,7 +223,7 @@ impl Arcs {
 
     /// Bit `b`: branch `b` holds its limits at `s`; at a cut and by rounding beside it, on one of its sides.
     pub(super) fn at(&self, s: f64) -> u8 {
-        let s = wrapped(s);
+        let s = wrap(s);
         let (n, after) = (self.cuts.len(), self.cuts.partition_point(|cut| *cut <= s));
         if n == 0 {
             return self.arcs[0];
@@ -251,7 +250,7 @@ impl Arcs {
         let Some(first) = (0..n).find(|i| !joined(*i)) else {
             return vec![[-PI, PI]];
         };
-        let at = |i: usize| self.cuts[i % n] + TAU * (i / n) as f64;
+        let at = |i: usize| around(&self.cuts, i);
         let mut out = Vec::new();
         let mut i = first;
         while i < first + n {
@@ -271,7 +270,7 @@ impl Arcs {
         }
         for interval in &mut out {
             if interval[0] > PI {
-                *interval = interval.map(|s| s - TAU);
+                *interval = interval.map(|s| turned(s, -1.0));
             }
         }
         out.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));

@@ -3,20 +3,24 @@
 mod arm;
 mod batch;
 mod chart;
+mod choice;
 mod circle;
+mod elbow_circle;
 mod geometry;
+mod gimbal;
 mod intervals;
 mod optimum;
+mod solutions;
 mod spherical;
+mod spring_search;
+mod stretches;
 
 pub use arm::{SrsArm, Swivel};
 pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
+pub use choice::Choice;
 pub use circle::{Branch, SelfMotion};
-pub use optimum::Choice;
 
-pub(crate) use arm::{opposite, principal, signs, within};
 pub(crate) use batch::at;
-pub(crate) use circle::outside;
-pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical, wrapped};
-pub(crate) use optimum::nearest_winding;
+pub(crate) use elbow_circle::signs;
+pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical};

@@ -7,8 +7,9 @@ use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use super::arm::Circle;
-use super::geometry::{Geometry, wrapped};
+use super::elbow_circle::Circle;
+use super::geometry::Geometry;
+use crate::joint_space::wrap;
 use crate::tolerance::{GIMBAL_NEAR, GIMBAL_PASSAGE, GIMBAL_SINE, SINUSOID_FLAT, SINUSOID_TANGENT};
 
 /// `c0 + c1 cos s + c2 sin s`.
@@ -128,7 +129,7 @@ impl Spherical {
         let near = !self.locked && c0.abs() + c1.hypot(c2) > 1.0 - GIMBAL_NEAR;
         let s = if near { c2.atan2(c1) } else { 0.0 };
         let first = self.first;
-        [s, s + PI].into_iter().filter(move |_| near).map(wrapped).filter(move |s| {
+        [s, s + PI].into_iter().filter(move |_| near).map(wrap).filter(move |s| {
             let (sin, cos) = s.sin_cos();
             first[0].at(cos, sin).hypot(first[1].at(cos, sin)) < GIMBAL_PASSAGE
         })
@@ -141,7 +142,7 @@ impl Spherical {
     pub fn push_monotone_cuts(&self, out: &mut Vec<f64>) {
         if let Some((s1, _)) = self.crest() {
             let (p, r) = (self.turn_first, self.turn_third);
-            out.extend([s1, wrapped(s1 + PI)]);
+            out.extend([s1, wrap(s1 + PI)]);
             for x in [p / r, r / p] {
                 if x.abs() <= 1.0 {
                     out.extend(self.middle.meets(x).into_iter().flatten());
@@ -171,7 +172,7 @@ impl Spherical {
             let c = if denominator == 0.0 { 0.0 } else { 2.0 * ab / denominator };
             if c.abs() <= 1.0 {
                 let angle = c.acos();
-                out.extend([wrapped(s1 + angle), wrapped(s1 - angle)]);
+                out.extend([wrap(s1 + angle), wrap(s1 - angle)]);
             }
         }
     }

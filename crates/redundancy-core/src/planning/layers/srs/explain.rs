@@ -1,0 +1,285 @@
+//! What became of a plan of the swivel, and why: points without a configuration, limits, reconfigurations.
+
+use super::problem::{Line, Problem};
+use super::settings::SwivelChoice;
+use crate::chain::Chain;
+use crate::error::Result;
+use crate::joint_space::{nearest, nearest_all, outside};
+use crate::kinematics::Scratch;
+use crate::parallel::prelude::*;
+use crate::path::{
+    BlockedPoint, Event, EventKind, Path, Plan, PlanBuilder, Reconfiguration, TimingSettings, Trajectory,
+    times_within_limits,
+};
+use crate::solutions::signs;
+use crate::status::Status;
+use crate::tolerance::FREE_SPEED;
+use crate::watch::Interrupted;
+
+/// A line as far as it goes, and the verdict on it.
+#[derive(Debug, Clone)]
+pub(in crate::planning) struct Outcome {
+    status: Status,
+    reason: String,
+    /// Whether the verdict is exact.
+    proven: bool,
+    line: Line,
+    /// Why, for each reconfiguration of the line.
+    obstructions: Vec<String>,
+    blocked: Vec<BlockedPoint>,
+    /// Distance from the obstacles at each row; none without a scene.
+    clearance: Option<Vec<f64>>,
+    cost: Option<f64>,
+}
+
+impl Outcome {
+    fn without_line(status: Status, reason: String) -> Self {
+        Self {
+            status,
+            reason,
+            proven: false,
+            line: Line::default(),
+            obstructions: Vec::new(),
+            blocked: Vec::new(),
+            clearance: None,
+            cost: None,
+        }
+    }
+
+    pub fn interrupted(interrupted: Interrupted) -> Self {
+        Self::without_line(interrupted.status(), interrupted.to_string())
+    }
+
+    /// What to say when no line closes.
+    pub fn never_closed() -> Self {
+        let reason = "no line along the path ends in the configuration in which it began";
+        Self::without_line(Status::Infeasible, reason.into())
+    }
+
+    /// The plan: with the times of the path, or timed by the velocity limits of `chain` ([`FREE_SPEED`] for joints
+    /// without) where it has none. Reconfigurations are events.
+    pub fn into_plan(self, chain: &Chain, path: &Path) -> Result<Plan> {
+        let Self { status, reason, proven, line, obstructions, blocked, clearance, cost } = self;
+        let rows = line.q.len();
+        let q = line.q.as_flattened().to_vec();
+        let t = match path.t() {
+            Some(t) => t[..rows].to_vec(),
+            None => {
+                let speed = |v: f64| if v.is_finite() { v } else { FREE_SPEED };
+                let limits: Vec<f64> = chain.joints().iter().map(|j| speed(j.limits.velocity)).collect();
+                times_within_limits(&q, &limits, TimingSettings::default())?
+            }
+        };
+        let changes = line.reconfigurations.iter().zip(obstructions);
+        let changes: Vec<_> = changes.map(|(row, reason)| Reconfiguration { row: *row, reason }).collect();
+        let event = |change: &Reconfiguration| Event {
+            kind: EventKind::Reconfiguration,
+            index: change.row,
+            t: t[change.row],
+            s: path.s()[change.row],
+            message: format!(
+                "the arm changes its configuration before point {} ({})",
+                change.row, change.reason
+            ),
+        };
+        let events = changes.iter().map(event).collect();
+        let names = chain.joints().iter().map(|j| j.name.clone()).collect();
+        let mut builder =
+            swivel_plan(Trajectory::new(names, t, q, None, events)?, status, line.swivel, line.branch)
+                .reason(reason)
+                .proven(proven)
+                .legal(status == Status::Converged)
+                .reconfigurations(changes)
+                .blocked(blocked)
+                .s(path.s()[..rows].to_vec())
+                .poses(path.poses()[..rows].to_vec());
+        if let Some(clearance) = clearance {
+            builder = builder.clearance(clearance);
+        }
+        if let Some(cost) = cost {
+            builder = builder.cost(cost);
+        }
+        builder.margin_of(chain)?.build()
+    }
+}
+
+/// The plan of an S-R-S arm with the swivel and the branch of each row.
+pub(in crate::planning) fn swivel_plan(
+    trajectory: Trajectory,
+    status: Status,
+    swivel: Vec<f64>,
+    branch: Vec<usize>,
+) -> PlanBuilder {
+    let word = |sign: i8| if sign > 0 { '+' } else { '-' };
+    let labels = (0..8).map(|b| signs(b).map(word).iter().collect()).collect();
+    PlanBuilder::new(trajectory, status).spare("swivel", swivel).pieces(branch, labels)
+}
+
+impl Problem<'_> {
+    /// The outcome when points have no configuration within the limits.
+    pub fn blocked(&self) -> Option<Outcome> {
+        let blocked: Vec<usize> = self.where_all(|k| self.circles[k].status() != Status::Converged);
+        let k = *blocked.first()?;
+        let (count, n, motion) = (blocked.len(), self.circles.len(), &self.circles[k]);
+        let verb = if count == 1 { "has" } else { "have" };
+        let reason = format!(
+            "{count} of {n} points {verb} no configuration; the first is point {k}: {}",
+            motion.reason()
+        );
+        let point = |row: usize| {
+            let motion = &self.circles[row];
+            BlockedPoint { row, status: motion.status(), reason: motion.reason() }
+        };
+        let blocked = blocked.into_iter().map(point).collect();
+        Some(Outcome { proven: true, blocked, ..Outcome::without_line(motion.status(), reason) })
+    }
+
+    /// The verdict on a line, with the reason where it is not whole.
+    pub fn finish(&self, line: Line) -> Outcome {
+        let n = self.circles.len();
+        if let Some(outcome) = (line.q.len() < n).then(|| self.behind_obstacles()).flatten() {
+            return outcome;
+        }
+        let obstructions: Vec<String> =
+            line.reconfigurations.iter().map(|k| self.step_reason(*k, &line)).collect();
+        let mut blocked = Vec::new();
+        let (status, reason) = if line.q.len() < n {
+            let k = line.q.len();
+            let what = match &self.settings.choice {
+                SwivelChoice::Fixed(_) => "the given swivel",
+                _ => "the given branch",
+            };
+            let miss = self.nearest_miss(k);
+            let reason = format!("{what} holds the joint limits only up to point {k} of {n}: {miss}");
+            blocked.push(BlockedPoint { row: k, status: Status::Limits, reason: miss });
+            (Status::Limits, reason)
+        } else if let Some((k, miss)) = line.reconfigurations.first().zip(obstructions.first()) {
+            let count = line.reconfigurations.len();
+            let times =
+                if count == 1 { "one reconfiguration".into() } else { format!("{count} reconfigurations") };
+            let reason =
+                format!("no continuous solution: it takes {times}, the first before point {k} ({miss})");
+            (Status::Infeasible, reason)
+        } else {
+            (Status::Converged, String::new())
+        };
+        let clearance = self.clearance(&line);
+        let proven = status == Status::Converged;
+        let cost = proven.then(|| {
+            let free = || vec![f64::INFINITY; n];
+            self.cost_of(&line.swivel, &line.q, clearance.as_ref().unwrap_or(&free()))
+        });
+        let cost = cost.filter(|cost| cost.is_finite());
+        Outcome { status, reason, proven, line, obstructions, blocked, clearance, cost }
+    }
+
+    /// Distance from the obstacles along a line.
+    fn clearance(&self, line: &Line) -> Option<Vec<f64>> {
+        let o = self.obstacles.as_ref()?;
+        let mut scratch = Scratch::new(self.arm.chain());
+        Some(line.q.iter().enumerate().map(|(k, q)| o.arm.at_q(q, o.scene(k), &mut scratch)).collect())
+    }
+
+    /// The configuration over point `k` within the limits that is farthest from the obstacles, and its distance.
+    fn clearest(&self, k: usize) -> Option<(f64, [f64; 7])> {
+        let mut scratch = Scratch::new(self.arm.chain());
+        let mut best: Option<(f64, [f64; 7])> = None;
+        for s in self.grid(k) {
+            let all = self.circles[k].all_branches(s);
+            let distances = self.distances(k, s, &all, &mut scratch);
+            for b in &self.branches {
+                let within = self.holds(&all[*b]);
+                if within && best.as_ref().is_none_or(|best| distances[*b] > best.0) {
+                    best = Some((distances[*b], all[*b]));
+                }
+            }
+        }
+        best
+    }
+
+    /// Which link is how deep in which obstacle at a configuration over point `k`.
+    fn contact(&self, k: usize, q: &[f64; 7]) -> Option<String> {
+        let o = self.obstacles.as_ref()?;
+        let mut scratch = Scratch::new(self.arm.chain());
+        let kinematics = self.arm.chain().kinematics_unchecked(q, &mut scratch);
+        let pair = o.scene(k).clearance_at(&o.arm.geometry, &kinematics)?;
+        let (link, which) = (&self.arm.chain().links()[pair.link].name, pair.obstacle);
+        let (depth, word) = (-1e3 * pair.distance, o.scene(k).obstacles()[which].shape.as_str());
+        Some(format!("at best link '{link}' is {depth:.3} mm deep in obstacle {which} ({word})"))
+    }
+
+    /// The outcome when obstacles cover every configuration within the limits of some points.
+    fn behind_obstacles(&self) -> Option<Outcome> {
+        self.obstacles.as_ref()?;
+        let n = self.circles.len();
+        let blocked: Vec<BlockedPoint> = (0..n)
+            .into_par_iter()
+            .filter_map(|row| {
+                let (_, q) = self.clearest(row).filter(|clearest| clearest.0 <= 0.0)?;
+                Some(BlockedPoint { row, status: Status::Collision, reason: self.contact(row, &q)? })
+            })
+            .collect();
+        let (count, first) = (blocked.len(), blocked.first()?);
+        let verb = if count == 1 { "is" } else { "are" };
+        let reason = format!(
+            "{count} of {n} points {verb} blocked by obstacles at every swivel; the first is point {}: {}",
+            first.row, first.reason
+        );
+        Some(Outcome { blocked, ..Outcome::without_line(Status::Collision, reason) })
+    }
+
+    /// Which limits the branches break at the fixed swivel of point `k`, the least bad first.
+    fn nearest_miss(&self, k: usize) -> String {
+        let mut best = (f64::INFINITY, String::new());
+        for s in self.grid(k) {
+            let all = self.circles[k].all_branches(s);
+            for b in &self.branches {
+                let misses = (0..7).map(|i| outside(all[*b][i], self.lower[i], self.upper[i]));
+                if let Some((i, miss)) = misses.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
+                    && miss < best.0
+                {
+                    let name = &self.arm.chain().joints()[i].name;
+                    best = (miss, format!("at best joint '{name}' is {miss:.6} rad outside its limits"));
+                }
+            }
+        }
+        best.1
+    }
+
+    /// What stands in the way of going on as before at a reconfiguration.
+    fn step_reason(&self, k: usize, line: &Line) -> String {
+        let all = self.circles[k].all_branches(line.swivel[k - 1]);
+        let q = &all[line.branch[k - 1]];
+        for i in 0..7 {
+            let at = nearest(q[i], line.q[k - 1][i]);
+            let name = &self.arm.chain().joints()[i].name;
+            if at < self.lower[i] || at > self.upper[i] {
+                let (lower, upper) = (self.lower[i], self.upper[i]);
+                return format!("joint '{name}' would leave [{lower:.6}, {upper:.6}] rad");
+            }
+            let step = (at - line.q[k - 1][i]).abs();
+            if step > self.steps[k - 1][i] {
+                return format!(
+                    "joint '{name}' would have to step by {step:.6} rad, {:.6} may be",
+                    self.steps[k - 1][i]
+                );
+            }
+        }
+        let mut scratch = Scratch::new(self.arm.chain());
+        let distance = self.distances(k, line.swivel[k - 1], &all, &mut scratch)[line.branch[k - 1]];
+        if distance <= 0.0 {
+            return format!("the arm would be {:.3} mm deep in an obstacle", -1e3 * distance);
+        }
+        let near = |k: usize, q: &[f64; 7], s: f64, scratch: &mut Scratch| self.distance(k, s, q, scratch);
+        let s = line.swivel[k - 1];
+        let before = near(k - 1, &line.q[k - 1], s, &mut scratch);
+        let after = nearest_all(q, &line.q[k - 1]);
+        if !self.edge_is_clear(k - 1, [&line.q[k - 1], &after], [before, distance], &mut scratch) {
+            return format!("the arm would touch an obstacle between points {} and {k}", k - 1);
+        }
+        if self.obstacles.is_some() {
+            return "every way on ends at a joint limit or at an obstacle".into();
+        }
+        "every way on ends at a joint limit".into()
+    }
+}

@@ -1,0 +1,309 @@
+//! Times for a joint path: as fast as every limit allows, from rest to rest.
+//!
+//! # Problem
+//! The rows of a joint path are given, when to be at each of them is not. Wanted are the shortest times for which the
+//! motion between them holds the limits of velocity, acceleration and torque of every joint, of the tool's speed, and of
+//! jerk where one is given.
+//!
+//! # Method
+//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there.
+//! 2. Straight lines have the closed form of [`straight`]; other stretches are solved by two passes ([`two_pass`]) or, with
+//!    jerk limits, by a barrier method ([`jerk`]).
+//! 3. What counts is the trajectory that is returned, as its own interpolation has it: it is measured at twenty places of each
+//!    interval. Where a limit is exceeded the limits near it are tightened and the stretch is solved again; what is left
+//!    after that is removed by slowing the whole stretch down evenly, which `stretched` reports.
+//!
+//! Rows of the path stay rows, in order. Straight lines get rows where their phases change, and sparse paths rows in
+//! between: `path_rows` says which rows are the path's own.
+//!
+//! References: [PhamPham2018], [BoydVandenberghe2004].
+
+mod jerk;
+mod settings;
+mod straight;
+mod stretch;
+mod two_pass;
+mod verify;
+
+pub use settings::RetimeSettings;
+pub use verify::{LimitKind, Limiting};
+
+use self::straight::StraightLaw;
+use self::stretch::{NodeLimits, Stretch};
+use self::verify::Motion;
+use crate::chain::Chain;
+use crate::error::{Error, Result, check_vector};
+use crate::path::{Event, EventKind, Section, Trajectory};
+use crate::tolerance::{RETIME_CORNER_RATIO, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT};
+
+/// A joint path with its times.
+#[derive(Debug, Clone)]
+pub struct Retimed {
+    /// Times, positions and velocities; with jerk limits accelerations too, without them an acceleration may jump at a
+    /// row. Stops on the way are events.
+    pub trajectory: Trajectory,
+    /// Which limit binds most at each row; `None` where nothing moves.
+    pub limiting: Vec<Option<Limiting>>,
+    /// Rows of the trajectory that are rows of the path, one for each.
+    pub path_rows: Vec<usize>,
+    /// Largest factor by which a stretch had to be slowed down evenly after it was solved, 1 for none.
+    pub stretched: f64,
+    /// Rows of the path at which the arm stops on the way.
+    pub stops: Vec<usize>,
+}
+
+/// The fastest motion along the rows of `q`.
+///
+/// ```
+/// use redundancy_core::{chain::catalog, timing::{RetimeSettings, retime}};
+/// let arm = catalog::load("panda")?;
+/// let rows: Vec<f64> = (0..100).flat_map(|k| (0..7).map(move |j| (0.02 * f64::from(k) + f64::from(j)).sin())).collect();
+/// let motion = retime(&arm, &rows, &RetimeSettings::of(&arm))?;
+/// assert_eq!(motion.path_rows.len(), 100);
+/// assert!(motion.trajectory.qd_row(0).iter().all(|v| *v == 0.0));
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
+///
+/// # Errors
+/// Fewer than two rows, entries that are not finite, invalid settings, a joint whose torque limit does not hold the arm.
+pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Retimed> {
+    settings.validate(chain)?;
+    let n = chain.dof();
+    let rows = q.len() / n;
+    check_vector("q", q, rows * n)?;
+    if rows < 2 {
+        return Err(Error::Length { what: "rows of the path".into(), expected: 2, actual: rows });
+    }
+    let cuts = cuts(q, n, settings.corner_angle);
+    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
+    let mut path_rows = Vec::with_capacity(rows);
+    let mut stretched = 1.0_f64;
+    for (index, pair) in cuts.windows(2).enumerate() {
+        let (first, last) = (pair[0], pair[1]);
+        let rest = [index > 0 || settings.at_rest, index + 2 < cuts.len() || settings.at_rest];
+        if last == first + 1 && distance(q, n, first, last) <= RETIME_SAME_ROW {
+            motion.dwell(&q[first * n..last * n], &q[last * n..(last + 1) * n], &mut path_rows);
+            continue;
+        }
+        let stretch = Stretch::new(&q[first * n..(last + 1) * n], n, first);
+        let (part, factor) = solve(chain, &stretch, settings, rest)?;
+        stretched = stretched.max(factor);
+        motion.append(part, &mut path_rows);
+    }
+    let motion = match settings.dt {
+        None => motion,
+        Some(dt) => motion.resampled(dt, &mut path_rows),
+    };
+    let limiting = motion.limiting(chain, settings)?;
+    let stops: Vec<usize> = cuts[1..cuts.len() - 1].to_vec();
+    let events = stops.iter().map(|row| {
+        let index = path_rows[*row];
+        let message = format!("the arm stops at row {row} of the path: its direction changes there");
+        Event { kind: EventKind::Limit, index, t: motion.t[index], s: motion.t[index], message }
+    });
+    let names = chain.joints().iter().map(|joint| joint.name.clone()).collect();
+    let events = events.collect();
+    let smooth = settings.jerk_limits.is_some();
+    let mut trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
+    if smooth {
+        trajectory = trajectory.with_accelerations(motion.qdd)?;
+    }
+    let sections = vec![Section::Path; trajectory.rows()];
+    Ok(Retimed { trajectory: trajectory.with_sections(sections)?, limiting, path_rows, stretched, stops })
+}
+
+/// Distance between two rows in joint space.
+fn distance(q: &[f64], n: usize, a: usize, b: usize) -> f64 {
+    (0..n).map(|j| (q[b * n + j] - q[a * n + j]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Rows at which the path is cut, with its ends: corners, and both sides of rows that repeat.
+///
+/// The samples of a smooth curve turn a little at every row; a corner turns much more than its neighbours do, or by so much
+/// that no curve was sampled there.
+fn cuts(q: &[f64], n: usize, corner_angle: f64) -> Vec<usize> {
+    let rows = q.len() / n;
+    let turn = |k: usize| -> f64 {
+        if k == 0 || k + 1 >= rows {
+            return 0.0;
+        }
+        let step = |a: usize, j: usize| q[(a + 1) * n + j] - q[a * n + j];
+        let (before, after) = (distance(q, n, k - 1, k), distance(q, n, k, k + 1));
+        if before <= RETIME_SAME_ROW || after <= RETIME_SAME_ROW {
+            return 0.0;
+        }
+        let sum = (0..n).map(|j| (step(k - 1, j) / before + step(k, j) / after).powi(2)).sum::<f64>().sqrt();
+        let gap = (0..n).map(|j| (step(k - 1, j) / before - step(k, j) / after).powi(2)).sum::<f64>().sqrt();
+        2.0 * gap.atan2(sum)
+    };
+    let repeats = |k: usize| k + 1 < rows && distance(q, n, k, k + 1) <= RETIME_SAME_ROW;
+    let turns: Vec<f64> = (0..rows).map(turn).collect();
+    let is_corner = |k: usize| {
+        let neighbours = turns[k - 1].max(turns[k + 1]);
+        turns[k] > corner_angle
+            && (turns[k] > RETIME_SHARP_CORNER || turns[k] > RETIME_CORNER_RATIO * neighbours)
+    };
+    let inside = (1..rows - 1).filter(|k| repeats(*k) || repeats(*k - 1) || is_corner(*k));
+    let mut cuts: Vec<usize> = std::iter::once(0).chain(inside).chain([rows - 1]).collect();
+    cuts.dedup();
+    cuts
+}
+
+/// One stretch, and the factor by which it was slowed down evenly at last.
+fn solve(
+    chain: &Chain,
+    stretch: &Stretch,
+    settings: &RetimeSettings,
+    rest: [bool; 2],
+) -> Result<(Motion, f64)> {
+    if rest == [true; 2]
+        && settings.torque_limits.is_none()
+        && settings.tool_speed.is_none()
+        && let Some(direction) = stretch.straight(RETIME_STRAIGHT)
+    {
+        return Ok((straight(stretch, &direction, settings), 1.0));
+    }
+    let limits = NodeLimits::new(chain, stretch, settings)?;
+    limits.check_gravity(chain, stretch, settings)?;
+    let mut share = vec![1.0; stretch.nodes()];
+    let mut best: Option<(Motion, f64)> = None;
+    for _ in 0..REPAIRS {
+        let motion = match &settings.jerk_limits {
+            None => second_order(stretch, &limits, settings, rest, &share)?,
+            Some(jerk) => third_order(stretch, &limits, settings, jerk, rest, &share)?,
+        };
+        let excess = motion.excess(chain, settings)?;
+        let worst = excess.iter().copied().fold(1.0, f64::max);
+        let duration = motion.duration() * worst;
+        if best.as_ref().is_none_or(|(best, factor)| duration < best.duration() * factor) {
+            best = Some((motion, worst));
+        }
+        if worst <= 1.0 + GOOD_ENOUGH {
+            break;
+        }
+        // The times of an interval that is too fast by a factor: both its ends, and their neighbours a little.
+        for (k, factor) in excess.iter().enumerate() {
+            let tighter = factor.powi(-2);
+            share[k] = share[k].min(share[k] * tighter);
+            share[k + 1] = share[k + 1].min(share[k + 1] * tighter);
+        }
+    }
+    let Some((mut motion, worst)) = best else {
+        return Err(Error::Invalid("the path cannot be timed: no law was found".into()));
+    };
+    // Between the places that were looked at the motion may be a little faster still.
+    let factor = worst * (1.0 + UNSEEN);
+    if factor > 1.0 {
+        motion.slow_down(factor);
+    }
+    Ok((motion, worst))
+}
+
+/// Rounds of solving again with tighter limits where the motion exceeds them.
+const REPAIRS: usize = 4;
+/// Excess that is left to the even slowing down: it costs as much time.
+const GOOD_ENOUGH: f64 = 2e-4;
+/// Relative excess between the places that were looked at.
+const UNSEEN: f64 = 1e-5;
+
+fn second_order(
+    stretch: &Stretch,
+    limits: &NodeLimits,
+    settings: &RetimeSettings,
+    rest: [bool; 2],
+    share: &[f64],
+) -> Result<Motion> {
+    let x = two_pass::fastest(stretch, limits, settings, rest, share)
+        .map_err(|k| Error::CannotFollow(format!("no speed at node {k} of the path is within the limits")))?;
+    let n = stretch.n;
+    let mut motion = Motion::new(n, false);
+    let speed: Vec<f64> = x.iter().map(|x| x.max(0.0).sqrt()).collect();
+    let mut t = 0.0;
+    for k in 0..stretch.nodes() {
+        let at = k * n..(k + 1) * n;
+        let next = (k + 1).min(stretch.nodes() - 1);
+        let here = next - 1;
+        let u = (x[next] - x[here]) / (2.0 * (stretch.s[next] - stretch.s[here]));
+        let qd: Vec<f64> = stretch.d[at.clone()].iter().map(|d| d * speed[k]).collect();
+        let qdd: Vec<f64> = at.clone().map(|i| stretch.d[i] * u + stretch.dd[i] * x[k]).collect();
+        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
+        if k + 1 < stretch.nodes() {
+            t += 2.0 * (stretch.s[k + 1] - stretch.s[k]) / (speed[k] + speed[k + 1]);
+        }
+    }
+    Ok(motion)
+}
+
+fn third_order(
+    stretch: &Stretch,
+    limits: &NodeLimits,
+    settings: &RetimeSettings,
+    jerk: &[f64],
+    rest: [bool; 2],
+    share: &[f64],
+) -> Result<Motion> {
+    let law = jerk::fastest(stretch, limits, settings, jerk, rest, share)
+        .ok_or_else(|| Error::CannotFollow("no speed along the path is within the limits".into()))?;
+    let n = stretch.n;
+    let mut motion = Motion::new(n, true);
+    for (k, node) in law.nodes.iter().enumerate() {
+        let at = k * n..(k + 1) * n;
+        motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.row[k]);
+    }
+    Ok(motion)
+}
+
+/// A straight line from rest to rest: rows of the path, and rows where the phases change.
+fn straight(stretch: &Stretch, direction: &[f64], settings: &RetimeSettings) -> Motion {
+    let (n, length) = (stretch.n, stretch.s[stretch.nodes() - 1]);
+    let least = |limits: &[f64]| {
+        limits.iter().zip(direction).map(|(limit, d)| limit / d.abs()).fold(f64::INFINITY, f64::min)
+    };
+    let jerk = settings.jerk_limits.as_deref().map_or(f64::INFINITY, least);
+    let law = StraightLaw::new(
+        length,
+        least(&settings.velocity_limits),
+        least(&settings.acceleration_limits),
+        jerk,
+    );
+    let end = law.switches()[law.switches().len() - 1];
+    let mut times: Vec<(f64, Option<usize>)> = Vec::new();
+    for k in 0..stretch.nodes() {
+        // Nodes between sparse rows are not needed here: the phases are exact.
+        if stretch.row[k].is_some() {
+            let t = match k {
+                0 => 0.0,
+                _ if k + 1 == stretch.nodes() => end,
+                _ => law.when(stretch.s[k]),
+            };
+            times.push((t, Some(k)));
+        }
+    }
+    for switch in law.switches() {
+        if times.iter().all(|(t, _)| (t - switch).abs() > SAME_TIME * end) {
+            times.push((*switch, None));
+        }
+    }
+    times.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
+    for (t, node) in times {
+        let [s, speed, acceleration] = law.at(t);
+        let (qd, qdd) = (direction.iter().map(|d| d * speed), direction.iter().map(|d| d * acceleration));
+        let q: Vec<f64> = match node {
+            Some(k) => stretch.q[k * n..(k + 1) * n].to_vec(),
+            None => (0..n).map(|j| stretch.q[j] + s * direction[j]).collect(),
+        };
+        motion.push(
+            t,
+            &q,
+            &qd.collect::<Vec<_>>(),
+            &qdd.collect::<Vec<_>>(),
+            node.and_then(|k| stretch.row[k]),
+        );
+    }
+    motion.rest_at_ends();
+    motion
+}
+
+/// Times closer than this share of the duration are one.
+const SAME_TIME: f64 = 1e-9;

@@ -1,0 +1,154 @@
+//! A stretch of a joint path between two stops: its curve, and what the limits say at each node.
+//!
+//! The curve is the cubic spline through the rows over the length of their chords in joint space, with not-a-knot ends.
+//! Each limit is linear in the squared speed `x = sigma'^2` and the acceleration `u = sigma''` of the parameter:
+//! `qdd = q' u + q'' x` and `tau = m u + d x + g` [BobrowDubowskyGibson1985].
+
+use nalgebra::Vector3;
+
+use super::settings::RetimeSettings;
+use crate::chain::Chain;
+use crate::error::Result;
+use crate::kinematics::{DynamicsScratch, Scratch};
+use crate::path::knot_derivatives;
+use crate::tolerance::RETIME_NODES;
+
+/// Nodes of a stretch and the derivatives of the joints by the chord length at them.
+#[derive(Debug, Clone)]
+pub(super) struct Stretch {
+    pub n: usize,
+    /// Chord length at each node, rad.
+    pub s: Vec<f64>,
+    /// The row of the path that each node is.
+    pub row: Vec<Option<usize>>,
+    pub q: Vec<f64>,
+    pub d: Vec<f64>,
+    pub dd: Vec<f64>,
+    /// Third derivative between each node and the next.
+    pub ddd: Vec<f64>,
+}
+
+impl Stretch {
+    /// The curve through `rows` (at least two, no two neighbours equal), which are rows `first..` of the path.
+    pub fn new(rows: &[f64], n: usize, first: usize) -> Self {
+        let count = rows.len() / n;
+        let mut s = vec![0.0; count];
+        for k in 1..count {
+            let chord: f64 = (0..n).map(|j| (rows[k * n + j] - rows[(k - 1) * n + j]).powi(2)).sum();
+            s[k] = s[k - 1] + chord.sqrt();
+        }
+        let (d, dd) = knot_derivatives(&s, rows, n);
+        let third = |k: usize, j: usize| (dd[(k + 1) * n + j] - dd[k * n + j]) / (s[k + 1] - s[k]);
+        // Sparse rows get nodes between them: a motion needs some to speed up and slow down on.
+        let parts = RETIME_NODES.div_ceil(count - 1).max(1);
+        let mut out = Self {
+            n,
+            s: Vec::new(),
+            row: Vec::new(),
+            q: Vec::new(),
+            d: Vec::new(),
+            dd: Vec::new(),
+            ddd: Vec::new(),
+        };
+        for k in 0..count {
+            let here = k * n..(k + 1) * n;
+            out.push(s[k], Some(first + k), &rows[here.clone()], &d[here.clone()], &dd[here]);
+            if k + 1 == count {
+                break;
+            }
+            for part in 1..parts {
+                let h = (s[k + 1] - s[k]) * part as f64 / parts as f64;
+                let at = |j: usize| {
+                    let (q, d, dd, ddd) = (rows[k * n + j], d[k * n + j], dd[k * n + j], third(k, j));
+                    [q + h * (d + h * (dd / 2.0 + h * ddd / 6.0)), d + h * (dd + h * ddd / 2.0), dd + h * ddd]
+                };
+                let values: Vec<[f64; 3]> = (0..n).map(at).collect();
+                let column = |c: usize| values.iter().map(|v| v[c]).collect::<Vec<f64>>();
+                out.push(s[k] + h, None, &column(0), &column(1), &column(2));
+            }
+            for _ in 0..parts {
+                out.ddd.extend((0..n).map(|j| third(k, j)));
+            }
+        }
+        out
+    }
+
+    fn push(&mut self, s: f64, row: Option<usize>, q: &[f64], d: &[f64], dd: &[f64]) {
+        self.s.push(s);
+        self.row.push(row);
+        self.q.extend_from_slice(q);
+        self.d.extend_from_slice(d);
+        self.dd.extend_from_slice(dd);
+    }
+
+    /// Number of nodes.
+    pub fn nodes(&self) -> usize {
+        self.s.len()
+    }
+
+    /// The joint direction when all rows lie on one line; then the time law has a closed form.
+    pub fn straight(&self, tolerance: f64) -> Option<Vec<f64>> {
+        let (n, last) = (self.n, self.nodes() - 1);
+        let length: f64 = (0..n).map(|j| (self.q[last * n + j] - self.q[j]).powi(2)).sum::<f64>().sqrt();
+        let direction: Vec<f64> = (0..n).map(|j| (self.q[last * n + j] - self.q[j]) / length).collect();
+        let on_line = |k: usize| {
+            (0..n).all(|j| (self.q[k * n + j] - self.q[j] - self.s[k] * direction[j]).abs() <= tolerance)
+        };
+        (0..=last).all(on_line).then_some(direction)
+    }
+}
+
+/// What the limits say at the nodes.
+#[derive(Debug, Clone)]
+pub(super) struct NodeLimits {
+    /// Largest squared speed at each node from the velocities of joints and tool.
+    pub most: Vec<f64>,
+    /// Torques per acceleration, per squared speed, and of gravity, node by node; empty without torque limits.
+    pub inertial: Vec<f64>,
+    pub dynamic: Vec<f64>,
+    pub gravity: Vec<f64>,
+}
+
+impl NodeLimits {
+    pub fn new(chain: &Chain, stretch: &Stretch, settings: &RetimeSettings) -> Result<Self> {
+        let (n, nodes) = (stretch.n, stretch.nodes());
+        let mut most = vec![f64::INFINITY; nodes];
+        let mut scratch = Scratch::new(chain);
+        for k in 0..nodes {
+            let (q, d) = (&stretch.q[k * n..][..n], &stretch.d[k * n..][..n]);
+            for j in 0..n {
+                most[k] = most[k].min((settings.velocity_limits[j] / d[j]).powi(2));
+            }
+            if let Some(speed) = settings.tool_speed {
+                let kinematics = chain.kinematics_unchecked(q, &mut scratch);
+                let columns = kinematics.jacobian();
+                let moved: Vector3<f64> = (0..n).map(|j| columns.fixed_view::<3, 1>(0, j) * d[j]).sum();
+                most[k] = most[k].min(speed * speed / moved.norm_squared());
+            }
+        }
+        let mut out = Self { most, inertial: Vec::new(), dynamic: Vec::new(), gravity: Vec::new() };
+        if settings.torque_limits.is_some() {
+            out.add_torques(chain, stretch, &settings.gravity)?;
+        }
+        Ok(out)
+    }
+
+    fn add_torques(&mut self, chain: &Chain, stretch: &Stretch, gravity: &Vector3<f64>) -> Result<()> {
+        let bodies = chain.masses()?;
+        let (n, zero) = (stretch.n, vec![0.0; stretch.n]);
+        let entries = stretch.q.len();
+        for values in [&mut self.inertial, &mut self.dynamic, &mut self.gravity] {
+            *values = vec![0.0; entries];
+        }
+        let (mut scratch, mut none) = (DynamicsScratch::new(chain), vec![0.0; n]);
+        for k in 0..stretch.nodes() {
+            let at = k * n..(k + 1) * n;
+            let [q, d, dd] = [&stretch.q, &stretch.d, &stretch.dd].map(|v| &v[at.clone()]);
+            let (weight, dynamic) = (&mut self.gravity[at.clone()], &mut self.dynamic[at.clone()]);
+            chain.split_torques(bodies, [q, d, dd], gravity, &mut scratch, weight, dynamic);
+            let inertial = &mut self.inertial[at.clone()];
+            chain.split_torques(bodies, [q, &zero, d], &Vector3::zeros(), &mut scratch, &mut none, inertial);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,136 @@
+//! `retime`: times for a joint path.
+
+use pyo3::prelude::*;
+use redundancy_core::timing::{RetimeSettings, Retimed, retime};
+
+use crate::chain::{PyChain, STANDARD_GRAVITY};
+use crate::convert::read_rows;
+use crate::error::to_py;
+use crate::path::PyTrajectory;
+use crate::speed::{JointLimits, read_limits};
+
+/// A joint path with its times.
+#[pyclass(name = "RetimedTrajectory", module = "redundancy", frozen, extends = PyTrajectory)]
+pub struct PyRetimed {
+    limiting: Vec<Option<String>>,
+    path_rows: Vec<usize>,
+    stops: Vec<usize>,
+    stretched: f64,
+}
+
+#[pymethods]
+impl PyRetimed {
+    #[new]
+    fn new(
+        trajectory: &Bound<'_, PyTrajectory>,
+        limiting: Vec<Option<String>>,
+        path_rows: Vec<usize>,
+        stops: Vec<usize>,
+        stretched: f64,
+    ) -> PyClassInitializer<Self> {
+        let base = PyTrajectory::from(trajectory.get().trajectory.clone());
+        PyClassInitializer::from(base).add_subclass(Self { limiting, path_rows, stops, stretched })
+    }
+
+    /// Per row: the limit that it comes nearest to.
+    #[getter]
+    fn limiting(&self) -> Vec<Option<String>> {
+        self.limiting.clone()
+    }
+
+    /// Rows that are rows of the path.
+    #[getter]
+    fn path_rows(&self) -> Vec<usize> {
+        self.path_rows.clone()
+    }
+
+    /// Rows of the path at which the arm stops on the way.
+    #[getter]
+    fn stops(&self) -> Vec<usize> {
+        self.stops.clone()
+    }
+
+    /// Largest factor by which a stretch was slowed down evenly after it was solved.
+    #[getter]
+    fn stretched(&self) -> f64 {
+        self.stretched
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> String {
+        let trajectory = &slf.as_super().get().trajectory;
+        let duration = trajectory.t().last().copied().unwrap_or(0.0);
+        let stops = slf.get().stops.len();
+        format!("RetimedTrajectory({} rows, {duration:.6} s, {stops} stops)", trajectory.rows())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let this = slf.get();
+        let base = Bound::new(slf.py(), PyTrajectory::from(slf.as_super().get().trajectory.clone()))?;
+        let parts = (base, this.limiting(), this.path_rows(), this.stops(), this.stretched);
+        Ok((slf.get_type().into_any(), parts.into_pyobject(slf.py())?.into_any()))
+    }
+}
+
+/// The words of a row's limit: its kind, and the joint where it is one's.
+fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
+    let word = |limit: &redundancy_core::timing::Limiting| match limit.joint {
+        Some(joint) => format!("{}:{}", limit.kind.as_str(), names[joint]),
+        None => limit.kind.as_str().to_owned(),
+    };
+    retimed.limiting.iter().map(|limit| limit.as_ref().map(word)).collect()
+}
+
+/// Times for a joint path.
+#[pyfunction]
+#[pyo3(name = "retime", signature = (chain, trajectory, *, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
+    acceleration_limits=Some(JointLimits::Word("chain".into())), jerk_limits=None, torque_limits=None, at_rest=true, corner_angle=0.02,
+    dt=None, gravity=STANDARD_GRAVITY))]
+pub fn py_retime<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyChain>,
+    trajectory: &Bound<'py, PyAny>,
+    tool_speed: Option<f64>,
+    velocity_limits: Option<JointLimits<'py>>,
+    acceleration_limits: Option<JointLimits<'py>>,
+    jerk_limits: Option<Bound<'py, PyAny>>,
+    torque_limits: Option<JointLimits<'py>>,
+    at_rest: bool,
+    corner_angle: f64,
+    dt: Option<f64>,
+    gravity: [f64; 3],
+) -> PyResult<Bound<'py, PyRetimed>> {
+    let chain = &chain.get().chain;
+    let (joints, n) = (chain.joints(), chain.dof());
+    let q = match trajectory.cast::<PyTrajectory>() {
+        Ok(given) => given.get().trajectory.q().to_vec(),
+        Err(_) => read_rows(trajectory, "trajectory", &[n])?.as_slice()?.to_vec(),
+    };
+    let unlimited = || vec![f64::INFINITY; n];
+    let velocity = joints.iter().map(|j| j.limits.velocity);
+    let acceleration = joints.iter().map(|j| j.limits.acceleration);
+    let settings = RetimeSettings {
+        velocity_limits: read_limits(velocity_limits, "velocity_limits", velocity)?.unwrap_or_else(unlimited),
+        acceleration_limits: read_limits(acceleration_limits, "acceleration_limits", acceleration)?
+            .unwrap_or_else(unlimited),
+        jerk_limits: read_limits(
+            jerk_limits.map(JointLimits::Values),
+            "jerk_limits",
+            (0..n).map(|_| f64::INFINITY),
+        )?,
+        torque_limits: read_limits(torque_limits, "torque_limits", joints.iter().map(|j| j.limits.effort))?,
+        tool_speed,
+        at_rest,
+        corner_angle,
+        dt,
+        gravity: gravity.into(),
+    };
+    let retimed = py.detach(|| retime(chain, &q, &settings)).map_err(to_py)?;
+    let limiting = words(&retimed, retimed.trajectory.joint_names());
+    let own = PyRetimed {
+        limiting,
+        path_rows: retimed.path_rows,
+        stops: retimed.stops,
+        stretched: retimed.stretched,
+    };
+    Bound::new(py, PyClassInitializer::from(PyTrajectory::from(retimed.trajectory)).add_subclass(own))
+}
