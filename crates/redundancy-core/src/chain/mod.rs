@@ -14,6 +14,7 @@ mod chain;
 mod collision;
 mod dh;
 mod extend;
+mod fix;
 mod joint;
 mod windings;
 

@@ -4,7 +4,7 @@
 //! it back are added; a joint beyond its limit is put onto it and held there.
 
 use super::demand::Demand;
-use super::tool::{MOST_BOUNDS, MOST_ROWS, Target};
+use super::tool::{MOST_BOUNDS, MOST_JOINTS, MOST_ROWS, Target};
 use crate::kinematics::{NullSpace, Scratch};
 
 /// Memory to pull configurations of one chain onto the task; one per thread.
@@ -82,6 +82,12 @@ impl<'a> Puller<'a> {
         }
         wind_into(q, self.demand);
         self.pull(q, target, pull)
+    }
+
+    /// The same without joint limits.
+    pub fn pull_free(&mut self, q: &mut [f64], target: &Target, pull: &Pull) -> bool {
+        self.held.clear();
+        self.newton(q, target, pull)
     }
 
     fn hold_beyond(&mut self, q: &mut [f64]) {
@@ -165,5 +171,3 @@ pub(super) fn wind_into(q: &mut [f64], demand: &Demand) {
 const LOST: f64 = 20.0;
 /// A joint this little outside its limit is on it, rad or m.
 const HELD_ROUNDING: f64 = 1e-12;
-/// Most joints of a chain that is planned for.
-pub(super) const MOST_JOINTS: usize = 16;

@@ -108,6 +108,93 @@ impl<'a> Search<'a> {
         out
     }
 
+    /// The cheapest line among those with the fewest jumps from state to state, open at its ends, with the layers at which it
+    /// jumps: within a layer, or between two layers that no step connects.
+    pub fn jumping_line(&self) -> Option<(Vec<usize>, Vec<Jump>)> {
+        let layers = self.node_cost.len();
+        let mut tables: Vec<Vec<Reached>> = Vec::with_capacity(layers);
+        for layer in 0..layers {
+            let costs = &self.node_cost[layer];
+            let mut table = vec![Reached::NEVER; costs.len()];
+            let mut through_gap = None;
+            match layer.checked_sub(1) {
+                None => {
+                    for (entry, cost) in table.iter_mut().zip(costs) {
+                        *entry = Reached { jumps: 0, cost: *cost, from: From::Start };
+                    }
+                }
+                Some(step) => {
+                    let before = &tables[step];
+                    let width = costs.len();
+                    for (state, row) in self.edges[step].chunks_exact(width.max(1)).enumerate() {
+                        for (to, edge) in row.iter().enumerate() {
+                            if edge.is_finite() {
+                                let cost = before[state].cost + edge + costs[to];
+                                table[to].improve(before[state].jumps, cost, From::Step(state));
+                            }
+                        }
+                    }
+                    through_gap = best_of(before);
+                }
+            }
+            // Either a jump to any state of this layer, or one over the gap before it.
+            if let Some(best) = best_of(&table) {
+                let Reached { jumps, cost, .. } = table[best];
+                for state in 0..table.len() {
+                    table[state].improve(jumps + 1, cost + costs[state], From::Within(best));
+                }
+            } else if let (Some(best), Some(step)) = (through_gap, layer.checked_sub(1)) {
+                let Reached { jumps, cost, .. } = tables[step][best];
+                for state in 0..table.len() {
+                    table[state].improve(jumps + 1, cost + costs[state], From::Gap(best));
+                }
+            }
+            tables.push(table);
+        }
+        self.traced(&tables)
+    }
+
+    fn traced(&self, tables: &[Vec<Reached>]) -> Option<(Vec<usize>, Vec<Jump>)> {
+        let layers = tables.len();
+        let mut state = best_of(&tables[layers - 1])?;
+        let mut states = vec![state; layers];
+        let mut jumps = Vec::new();
+        for layer in (0..layers).rev() {
+            states[layer] = state;
+            if let From::Within(before) = tables[layer][state].from {
+                jumps.push(Jump { layer, before: Some(before) });
+                state = before;
+            }
+            match tables[layer][state].from {
+                From::Start => {}
+                From::Step(before) => state = before,
+                From::Gap(before) => {
+                    jumps.push(Jump { layer, before: None });
+                    state = before;
+                }
+                // A jump leads to a state that was reached by a step.
+                From::Within(_) => return None,
+            }
+        }
+        jumps.reverse();
+        Some((states, jumps))
+    }
+
+    /// The last layer that a line without jumps comes to.
+    pub fn farthest(&self) -> usize {
+        let mut reached = vec![0.0f32; self.states(0)];
+        for step in 0..self.node_cost.len() - 1 {
+            if self.states(step + 1) == 0 {
+                return step;
+            }
+            reached = self.forward(step, &reached);
+            if reached.iter().all(|cost| !cost.is_finite()) {
+                return step;
+            }
+        }
+        self.node_cost.len() - 1
+    }
+
     /// The best line through a state.
     fn through(&self, layer: usize, state: usize, come: &[Vec<f32>], go: &[Vec<f32>]) -> Vec<usize> {
         let layers = self.node_cost.len();
@@ -251,6 +338,48 @@ impl<'a> Search<'a> {
             .map(|row| row.iter().zip(&rest).fold(f32::INFINITY, |least, (a, b)| least.min(a + b)))
             .collect()
     }
+}
+
+/// A place where a line jumps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Jump {
+    /// The layer at which the line goes on.
+    pub layer: usize,
+    /// The state of the same layer from which it jumps; `None` where it jumps over the gap before the layer.
+    pub before: Option<usize>,
+}
+
+/// How a state is reached with the fewest jumps.
+#[derive(Debug, Clone, Copy)]
+struct Reached {
+    jumps: u32,
+    cost: f32,
+    from: From,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum From {
+    Start,
+    Step(usize),
+    Within(usize),
+    Gap(usize),
+}
+
+impl Reached {
+    const NEVER: Self = Self { jumps: u32::MAX, cost: f32::INFINITY, from: From::Start };
+
+    fn improve(&mut self, jumps: u32, cost: f32, from: From) {
+        if cost.is_finite() && (jumps < self.jumps || (jumps == self.jumps && cost < self.cost)) {
+            *self = Self { jumps, cost, from };
+        }
+    }
+}
+
+fn best_of(table: &[Reached]) -> Option<usize> {
+    let reached = table.iter().enumerate().filter(|(_, entry)| entry.cost.is_finite());
+    reached
+        .min_by(|(_, a), (_, b)| a.jumps.cmp(&b.jumps).then(a.cost.total_cmp(&b.cost)))
+        .map(|(state, _)| state)
 }
 
 /// Costs of all steps between two layers.

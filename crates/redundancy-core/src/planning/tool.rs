@@ -156,21 +156,46 @@ impl ToolTask {
         }
     }
 
+    /// The equations `c` (tool minus target) alone.
+    #[inline]
+    pub fn write_values(&self, pose: &Pose, target: &Target, c: &mut [f64]) {
+        let d = pose.translation.vector - target.pose.translation.vector;
+        let p = if self.position == PositionRows::Space { 3 } else { 2 };
+        c[..p].copy_from_slice(&d.as_slice()[..p]);
+        match self.orientation {
+            OrientationRows::Open => {}
+            OrientationRows::Full => {
+                let e = rotation_vector(&(pose.rotation * target.pose.rotation.inverse()));
+                c[p..p + 3].copy_from_slice(e.as_slice());
+            }
+            OrientationRows::Axis => {
+                let a = pose.rotation * *self.axis;
+                let [u, w, d] = columns(&target.frame);
+                (c[p], c[p + 1]) = (u.dot(&a), w.dot(&a));
+                if a.dot(&d) < 0.0 {
+                    // Beyond a right angle the sines fall again: there the angle and its direction count.
+                    let along = across(&d, &a, &u).cross(&d);
+                    let angle = a.angle(&d);
+                    (c[p], c[p + 1]) = (along.dot(&u) * angle, along.dot(&w) * angle);
+                }
+            }
+            OrientationRows::Twist => c[p] = self.spin_of(pose, target),
+            OrientationRows::Heading => c[p] = wrap(heading(pose) - heading(&target.pose)),
+        }
+    }
+
     /// The equations `c` (tool minus target) and their Jacobian, column by column.
     #[inline]
     pub fn linearise(&self, at: &Kinematics<'_>, target: &Target, c: &mut [f64], jacobian: &mut [f64]) {
         let rows = self.rows();
-        let d = at.pose().translation.vector - target.pose.translation.vector;
         let p = if self.position == PositionRows::Space { 3 } else { 2 };
-        c[..p].copy_from_slice(&d.as_slice()[..p]);
+        self.write_values(at.pose(), target, c);
         for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
             column[..p].copy_from_slice(&at.linear(j).as_slice()[..p]);
         }
         match self.orientation {
             OrientationRows::Open => {}
             OrientationRows::Full => {
-                let e = rotation_vector(&(at.pose().rotation * target.pose.rotation.inverse()));
-                c[p..p + 3].copy_from_slice(e.as_slice());
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
                     column[p..p + 3].copy_from_slice(at.angular(j).as_slice());
                 }
@@ -178,39 +203,28 @@ impl ToolTask {
             OrientationRows::Axis => {
                 let a = at.pose().rotation * *self.axis;
                 let [u, w, d] = columns(&target.frame);
-                (c[p], c[p + 1]) = (u.dot(&a), w.dot(&a));
+                let far = a.dot(&d) < 0.0;
+                let across = if far { across(&d, &a, &u) } else { d };
+                let along = across.cross(&d);
+                let (s, t) = (along.dot(&u), along.dot(&w));
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
-                    let da = at.angular(j).cross(&a);
-                    (column[p], column[p + 1]) = (u.dot(&da), w.dot(&da));
-                }
-                if a.dot(&d) < 0.0 {
-                    // Beyond a right angle the sines fall again: there the angle and its direction count.
-                    let across = d.cross(&a);
-                    let across = if across.norm() > 1e-9 { across.normalize() } else { u };
-                    let angle = a.angle(&d);
-                    let along = across.cross(&d);
-                    let (s, t) = (along.dot(&u), along.dot(&w));
-                    (c[p], c[p + 1]) = (s * angle, t * angle);
-                    for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
-                        let w_j = at.angular(j);
+                    let w_j = at.angular(j);
+                    (column[p], column[p + 1]) = if far {
                         let (turn, side) = (across.dot(&w_j), d.dot(&w_j));
-                        (column[p], column[p + 1]) = (s * turn - t * side, t * turn + s * side);
-                    }
+                        (s * turn - t * side, t * turn + s * side)
+                    } else {
+                        let da = w_j.cross(&a);
+                        (u.dot(&da), w.dot(&da))
+                    };
                 }
             }
             OrientationRows::Twist => {
                 let twist = self.twist(at, target);
-                c[p] = wrap(twist.angle);
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
                     column[p] = twist.gradient.dot(&at.angular(j));
                 }
             }
             OrientationRows::Heading => {
-                let heading = |pose: &Pose| {
-                    let r = pose.rotation.matrix();
-                    r[(1, 0)].atan2(r[(0, 0)])
-                };
-                c[p] = wrap(heading(at.pose()) - heading(&target.pose));
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
                     column[p] = at.angular(j).z;
                 }
@@ -224,36 +238,38 @@ impl ToolTask {
         let n = at.jacobian().ncols();
         let p = if self.position == PositionRows::Space { 3 } else { 2 };
         let force = Vector3::new(multipliers[0], multipliers[1], if p == 3 { multipliers[2] } else { 0.0 });
-        let twist = (self.orientation == OrientationRows::Twist).then(|| self.twist(at, target));
-        match self.orientation {
-            OrientationRows::Open | OrientationRows::Heading => {
-                add_symmetric(n, out, |i, j| at.angular(i).cross(&at.linear(j)).dot(&force));
-            }
+        let kind = self.orientation;
+        let moment = match kind {
+            OrientationRows::Open | OrientationRows::Heading | OrientationRows::Twist => Vector3::zeros(),
             OrientationRows::Full => {
-                let moment = Vector3::new(multipliers[p], multipliers[p + 1], multipliers[p + 2]) * 0.5;
-                add_symmetric(n, out, |i, j| {
-                    let w = at.angular(i);
-                    w.cross(&at.linear(j)).dot(&force) + w.cross(&at.angular(j)).dot(&moment)
-                });
+                Vector3::new(multipliers[p], multipliers[p + 1], multipliers[p + 2]) * 0.5
             }
             OrientationRows::Axis => {
-                let a = at.pose().rotation * *self.axis;
                 let [u, w, _] = columns(&target.frame);
-                let moment = u * multipliers[p] + w * multipliers[p + 1];
-                add_symmetric(n, out, |i, j| {
-                    let (w_i, w_j) = (at.angular(i), at.angular(j));
-                    w_i.cross(&at.linear(j)).dot(&force) + w_i.cross(&w_j.cross(&a)).dot(&moment)
-                });
+                u * multipliers[p] + w * multipliers[p + 1]
             }
-            OrientationRows::Twist => {
-                let multiplier = multipliers[p];
-                if let Some(twist) = twist {
-                    add_symmetric(n, out, |i, j| {
-                        at.angular(i).cross(&at.linear(j)).dot(&force)
-                            + multiplier * twist.second(&at.angular(i), &at.angular(j))
-                    });
-                }
+        };
+        let a = at.pose().rotation * *self.axis;
+        let pointing = kind == OrientationRows::Axis;
+        // (w_i x v_j) . f = v_j . (f x w_i): the products with i alone come first.
+        let mut before = [(Vector3::zeros(), Vector3::zeros()); MOST_JOINTS];
+        for (i, before) in before.iter_mut().enumerate().take(n) {
+            let w = at.angular(i);
+            *before = (force.cross(&w), moment.cross(&w));
+        }
+        for j in 0..n {
+            let (v, w) = (at.linear(j), at.angular(j));
+            let turned = if pointing { w.cross(&a) } else { w };
+            for (i, (force, moment)) in before.iter().enumerate().take(j + 1) {
+                // A rotation vector has no second derivative along one joint.
+                let turn = if i < j || pointing { turned.dot(moment) } else { 0.0 };
+                add_pair(n, out, i, j, v.dot(force) + turn);
             }
+        }
+        if kind == OrientationRows::Twist {
+            let twist = self.twist(at, target);
+            let multiplier = multipliers[p];
+            add_symmetric(n, out, |i, j| multiplier * twist.second(&at.angular(i), &at.angular(j)));
         }
     }
 
@@ -313,7 +329,12 @@ impl ToolTask {
             let a = at.pose().rotation * *self.axis;
             let d: Vector3<f64> = target.frame.column(2).into();
             let weight = weights[0] / (1.0 - cone.cos());
-            add_symmetric(n, out, |i, j| weight * at.angular(i).cross(&at.angular(j).cross(&a)).dot(&d));
+            for j in 0..n {
+                let turned = at.angular(j).cross(&a) * weight;
+                for i in 0..=j {
+                    add_pair(n, out, i, j, d.cross(&at.angular(i)).dot(&turned));
+                }
+            }
             next = 1;
         }
         if let Some(spin) = self.spin {
@@ -491,6 +512,19 @@ fn relative(pose: &Pose, target: &Target) -> UnitQuaternion<f64> {
     target.quaternion.inverse() * UnitQuaternion::from_rotation_matrix(&pose.rotation)
 }
 
+/// Direction about which the tool axis `a` is turned away from `d`; `u` where that is undefined.
+fn across(d: &Vector3<f64>, a: &Vector3<f64>, u: &Vector3<f64>) -> Vector3<f64> {
+    let across = d.cross(a);
+    let norm = across.norm();
+    if norm > 1e-9 { across / norm } else { *u }
+}
+
+/// Angle of the tool's x axis about the world's z.
+fn heading(pose: &Pose) -> f64 {
+    let r = pose.rotation.matrix();
+    r[(1, 0)].atan2(r[(0, 0)])
+}
+
 fn columns(m: &Matrix3<f64>) -> [Vector3<f64>; 3] {
     [m.column(0).into(), m.column(1).into(), m.column(2).into()]
 }
@@ -500,15 +534,22 @@ fn columns(m: &Matrix3<f64>) -> [Vector3<f64>; 3] {
 fn add_symmetric(n: usize, out: &mut [f64], f: impl Fn(usize, usize) -> f64) {
     for i in 0..n {
         for j in i..n {
-            let value = f(i, j);
-            out[i * n + j] += value;
-            if i != j {
-                out[j * n + i] += value;
-            }
+            add_pair(n, out, i, j, f(i, j));
         }
     }
 }
 
+/// Adds a value to an entry and to its mirror image.
+#[inline(always)]
+fn add_pair(n: usize, out: &mut [f64], i: usize, j: usize, value: f64) {
+    out[i * n + j] += value;
+    if i != j {
+        out[j * n + i] += value;
+    }
+}
+
+/// Most joints of a chain that is planned for.
+pub(super) const MOST_JOINTS: usize = 16;
 /// Least `w^2 + x^2` that a twist is divided by: half a turn of swing, where the twist is undefined.
 const TWIST_FLOOR: f64 = 1e-9;
 

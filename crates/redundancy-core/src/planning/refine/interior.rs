@@ -1,10 +1,9 @@
 //! The iteration: linearise, solve, search along the line, lower the barrier.
 
-use std::time::Instant;
-
 use super::super::demand::{Demand, Objective};
 use super::banded::Banded;
 use super::linear::{Linear, Sets, screened};
+use crate::watch::Watch;
 
 /// What is minimised.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,7 +18,7 @@ pub(in super::super) enum Goal {
 
 /// How far a refinement goes.
 #[derive(Debug, Clone, Copy)]
-pub(in super::super) struct Refinement {
+pub(in super::super) struct Refinement<'a> {
     pub goal: Goal,
     /// First barrier, as a share of the cost of a row.
     pub barrier: f64,
@@ -29,8 +28,8 @@ pub(in super::super) struct Refinement {
     pub slope: f64,
     /// Most iterations.
     pub iterations: usize,
-    /// When to stop.
-    pub deadline: Option<Instant>,
+    /// What may interrupt it.
+    pub watch: Option<&'a Watch>,
 }
 
 /// A refined line.
@@ -49,7 +48,7 @@ pub(in super::super) struct Refined {
 }
 
 /// Refines a line that meets the equations; `None` where a row is lost.
-pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -> Option<Refined> {
+pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>) -> Option<Refined> {
     let mut sets = screened(demand, &q, how.goal);
     if demand.spare() == 0 {
         return pinned(demand, q, how, sets);
@@ -69,7 +68,7 @@ pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -
 }
 
 /// A line without freedom: its rows to the last digit.
-fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement, sets: Sets) -> Option<Refined> {
+fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>, sets: Sets) -> Option<Refined> {
     let linear = Linear::new(demand, how.goal, sets, q)?;
     let q = linear.exact()?;
     let (cost, violation) = (demand.cost(&q), linear.violation(&q));
@@ -78,7 +77,7 @@ fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement, sets: Sets) -> Option<
 
 struct Interior<'a> {
     demand: &'a Demand,
-    how: &'a Refinement,
+    how: &'a Refinement<'a>,
     linear: Linear<'a>,
     /// Barrier per unit of the cost of a row.
     unit: f64,
@@ -92,7 +91,7 @@ struct Interior<'a> {
 }
 
 impl<'a> Interior<'a> {
-    fn new(demand: &'a Demand, q: Vec<f64>, how: &'a Refinement, sets: Sets) -> Option<Self> {
+    fn new(demand: &'a Demand, q: Vec<f64>, how: &'a Refinement<'a>, sets: Sets) -> Option<Self> {
         let mut linear = Linear::new(demand, how.goal, sets, q)?;
         let cost = linear.objective();
         let unit = cost.abs().max(f64::MIN_POSITIVE) / demand.rows() as f64;
@@ -108,7 +107,7 @@ impl<'a> Interior<'a> {
         let mut converged = false;
         let mut stalled = 0;
         while iterations < self.how.iterations {
-            if self.how.deadline.is_some_and(|at| Instant::now() >= at) {
+            if self.how.watch.is_some_and(|watch| watch.interrupted().is_some()) {
                 break;
             }
             let mut system = self.linear.linearise(self.mu);

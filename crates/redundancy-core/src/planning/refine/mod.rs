@@ -21,8 +21,12 @@
 //!
 //! Cost: about 4 us per row and iteration for seven joints.
 
+mod assemble;
 mod banded;
+mod bounds;
+mod correct;
 mod interior;
 mod linear;
+mod rows;
 
 pub(super) use interior::{Goal, Refined, Refinement, refine};
