@@ -28,7 +28,7 @@ use redundancy_core::rotation::{
 };
 use redundancy_core::scene::{Capsule, Cuboid, Scene, Sphere};
 use redundancy_core::solutions::{SphericalWristArm, SrsArm, TraceSettings, trace_self_motion};
-use redundancy_core::timing::{SpeedSettings, fastest_line, max_speed};
+use redundancy_core::timing::{SpeedSettings, max_speed, max_speed_of_poses};
 use redundancy_core::velocity::{
     Damping, Gain, ProjectedGradient, ReducedGradient, Resolver, SaturatedNullspace, StepInput, sigma_min,
 };
@@ -366,7 +366,7 @@ fn speed() -> Kernel {
     let rule = OrientationRule::new(RuleKind::BarrierSpin(BarrierRule::default())).expect("rule");
     let path = path.with_orientations(&rule.orientations(&positions).expect("rotations")).expect("path");
     let settings = SpeedSettings::of(&chain);
-    let q = fastest_line(&chain, path.s(), path.poses(), None, &settings).expect("speed").q;
+    let q = max_speed_of_poses(&chain, path.s(), path.poses(), None, &settings).expect("speed").q;
     let round = move || {
         black_box(max_speed(&chain, black_box(path.s()), &q, &settings).expect("valid rows"));
     };

@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import _paint, _plan, plot
+from redundancy import _painting, _plan, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -107,12 +107,26 @@ def _fail(status: int, message: str) -> int:
 # What the numbers of the catalogue are taken from; the details are in docs/chain.md.
 SOURCES = {
     "dexter": ("Scienza Machinale DEXTER", "Bettini, De Luca, Oriolo 2000"),
+    "fr3": ("Franka Research 3", "franka_description 566ba44"),
+    "gen3": ("Kinova Gen3, 7 joints", "ros2_kortex 1fdbef3"),
     "iiwa14": ("KUKA LBR iiwa 14 R820", "KUKA specification; inertias of Drake's URDF"),
+    "irb2400": ("ABB IRB 2400", "ros-industrial/abb 77db19b"),
+    "kr6_r900": ("KUKA KR 6 R900 sixx", "kuka_robot_descriptions 7766e92"),
+    "openarm": ("Enactic OpenArm v1.0", "openarm_description af6f035"),
     "pa10": ("Mitsubishi PA10-7C", "Moore, Oztop 2010; Mitsubishi specification"),
     "panda": ("Franka Emika Panda", "Franka Control Interface; Gaz et al. 2019"),
     "planar3r": ("planar arm, 3 links", "Park, Chung, Youm 1996"),
     "planar4r": ("planar arm, 4 links", "Park, Chung, Youm 1996, a link added"),
     "puma560": ("Unimation PUMA 560", "Corke, Armstrong-Helouvry 1994"),
+    "rby1": ("Rainbow RB-Y1, right arm", "rby1-sdk 38df326"),
+    "rizon4": ("Flexiv Rizon 4", "flexiv_ros2 9d96a86"),
+    "sawyer": ("Rethink Robotics Sawyer", "sawyer_robot d1ef3d0"),
+    "unitree_g1": ("Unitree G1, left arm", "unitree_ros 5ae4fa5"),
+    **{
+        name: (f"Universal Robots {name.upper().replace('E', 'e')}", "Universal_Robots_ROS2_Description 2221ec0")
+        for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
+    },
+    "xarm7": ("UFACTORY xArm 7", "xarm_ros2 3654ba7"),
 }
 
 
@@ -628,7 +642,7 @@ def paint(
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
-    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_paint.RULES)}.")] = "all",
+    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")] = "all",
     plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
     half_angle: Annotated[
         float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
@@ -667,7 +681,7 @@ def paint(
     if not 0.0 <= torque_margin < 100.0:
         raise rd.RedundancyError(f"--torque-margin is {torque_margin}, it must be in [0, 100) percent")
     paint_job(
-        _paint.Job(
+        _painting.Job(
             chain.with_tool(pose) if tool != "0,0,0" else chain,
             robot,
             path,
@@ -688,7 +702,7 @@ def paint(
     )
 
 
-def paint_job(job: _paint.Job) -> None:
+def paint_job(job: _painting.Job) -> None:
     """Run one job of `paint`, with a bar while it plans, and print its table."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     bar = Progress(*columns, console=_err, transient=True, disable=not (job.plan and _err.is_terminal))
@@ -704,12 +718,12 @@ def paint_job(job: _paint.Job) -> None:
         except KeyboardInterrupt as error:
             raise StoppedError from error
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in _paint.HEADER:
+    for title in _painting.HEADER:
         table.add_column(
             title, overflow="fold", justify="right" if title in {"speed (m/s)", "gain"} else "left"
         )
     for choice in job.choices:
-        table.add_row(*(escape(cell) for cell in _paint.cells(choice)))
+        table.add_row(*(escape(cell) for cell in _painting.cells(choice)))
     console = _out if _out.is_terminal else Console(width=160, highlight=False)
     console.print(table)
     _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)
@@ -717,12 +731,12 @@ def paint_job(job: _paint.Job) -> None:
 
 def _rules(text: str) -> tuple[str, ...]:
     if text == "all":
-        return _paint.RULES
+        return _painting.RULES
     names = tuple(name.strip() for name in text.split(","))
     for name in names:
-        if name not in _paint.RULES:
+        if name not in _painting.RULES:
             raise rd.RedundancyError(
-                f"--rule has '{name}', expected all or some of: {', '.join(_paint.RULES)}"
+                f"--rule has '{name}', expected all or some of: {', '.join(_painting.RULES)}"
             )
     # The gain is over a constant orientation, so that is measured first, always.
     return ("constant", *(name for name in names if name != "constant"))
@@ -751,6 +765,9 @@ def plan(
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tool centre point after the tip, m: x,y,z.")] = "0,0,0",
+    rail: Annotated[
+        str | None, typer.Option(help="Rail before the base: its direction and range, x,y,z,lower,upper (m).")
+    ] = None,
     half_angle: Annotated[float, typer.Option(help="How far the tool may lean, degrees.")] = 0.0,
     spin: Annotated[str, typer.Option(help="free, or degrees to either side.")] = "0",
     axis: Annotated[str, typer.Option(help="Tool axis in the tool frame: x,y,z.")] = "0,0,1",
@@ -783,6 +800,8 @@ def plan(
         pose = np.eye(4)
         pose[:3, 3] = _plan.vector(tool, "--tool", 3)
         chain = chain.with_tool(pose)
+    if rail is not None:
+        chain = _plan.on_rail(chain, rail)
     joints = chain.dof
 
     def given(text: str | None, option: str) -> NDArray[np.float64] | None:
@@ -844,7 +863,8 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Two arms follow built-in paths of 1 000 points, one of them again around a ball, and a PUMA 560 paints.
+    """Arms follow built-in paths of 1 000 points: two by their elbow, one of them again around a ball, a Panda, a UR
+    with a free tool axis and an iiwa on a rail by the planner for any arm; and a PUMA 560 paints.
 
     Writes the paths too, and prints the commands that do the same.
 
@@ -871,8 +891,19 @@ def demo(
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
     Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
     _out.print()
+    for name, robot, path, options in demo_plans():
+        file = out / f"{name}_path.csv"
+        path.to_csv(file)
+        words = "".join(f" --{key} {value}" for key, value in options.items())
+        _out.print(f"[dim]$ redundancy plan --robot {robot} --path {file}{words} --out {out / name}[/]", soft_wrap=True)
+        chain = rd.catalog.load(robot)
+        if "rail" in options:
+            chain = _plan.on_rail(chain, options["rail"])
+        freedom = rd.ToolFreedom(spin=_plan.spin_of(options.get("spin", "0")))
+        plan_job(_plan.Job(chain, robot, file, path, out / name, {"freedom": freedom}, plots))
+        _out.print()
     file = out / "paint_path.csv"
-    demo_spray().to_csv(file)
+    demo_strokes().to_csv(file)
     command = f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4"
     command += f" --out {out / 'paint'}"
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
@@ -881,13 +912,30 @@ def demo(
     gun = rd.catalog.load("puma560").with_tool(tool)
     angles = (float(np.deg2rad(10.0)), float(np.deg2rad(20.0)))
     paint_job(
-        _paint.Job(
-            gun, "puma560", file, out / "paint", _paint.RULES, *angles, plan=True, time_limit=4.0, plots=plots
+        _painting.Job(
+            gun, "puma560", file, out / "paint", _painting.RULES, *angles, plan=True, time_limit=4.0, plots=plots
         )
     )
 
 
-def demo_spray() -> rd.Path:
+def demo_plans() -> list[tuple[str, str, rd.Path, dict[str, str]]]:
+    """Name, robot, path and options of the plans that the demo makes."""
+    down = np.diag([1.0, -1.0, -1.0])
+    panda = rd.paths.raster((0.35, -0.25, 0.25), 0.3, 0.08, 5, corner=0.06, orientation=down)
+    ur = rd.paths.raster((0.3, -0.25, 0.1), 0.5, 0.08, 4, corner=0.06, orientation=down)
+    # Along a wall: the tool looks at it, and the height goes up and down.
+    along = np.linspace(-0.5, 2.5, 1000)
+    positions = np.column_stack([np.full(1000, 0.6), along, 0.5 + 0.15 * np.sin(2 * np.pi * along)])
+    facing = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    wall = rd.Path(positions).with_orientation(facing)
+    return [
+        ("panda", "panda", panda.resampled(panda.length / 999), {}),
+        ("ur", "ur5e", ur.resampled(ur.length / 999), {"spin": "free"}),
+        ("rail", "iiwa14", wall, {"rail": "0,1,0,0,2"}),
+    ]
+
+
+def demo_strokes() -> rd.Path:
     """Three strokes of the papers' experiment, REF-B of docs/painting.md."""
     return rd.paths.raster((0.44, -0.25, -0.3), 0.5, 0.21, 3, corner=0.17912615734826384)
 

@@ -13,6 +13,7 @@ from redundancy.status import EventKind, Kind, Status
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
 _Pose: TypeAlias = Any
 _Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+_ClosedForm: TypeAlias = "SrsArm | PandaClassArm | SphericalWristArm | ParallelAxesArm"
 
 __version__: str
 
@@ -20,6 +21,8 @@ class RedundancyError(ValueError): ...
 class DescriptionError(RedundancyError): ...
 class NotSrsError(RedundancyError): ...
 class NotSphericalWristError(RedundancyError): ...
+class NotParallelAxesError(RedundancyError): ...
+class NotPandaClassError(RedundancyError): ...
 class FileFormatError(RedundancyError): ...
 class CannotFollowError(RedundancyError): ...
 
@@ -31,7 +34,8 @@ class Chain:
 
     Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite.
     `q` is `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too.
-    Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath.
+    Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up to
+    1e-3 (largest deviation of a singular value from 1) is replaced by the nearest one, beyond that the pose is refused.
 
     Example:
         >>> import numpy as np
@@ -50,7 +54,10 @@ class Chain:
     ) -> Chain:
         """Read the way from a base link to a tip link out of a URDF file.
 
-        Fixed joints are folded, numbers are used as they are, a velocity or effort of 0 means none.
+        The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from the top
+        of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they are in order
+        from the base, and each body goes with the joint before it. Fixed joints are folded, numbers are used as they are, a
+        velocity or effort of 0 means none.
 
         Args:
             path: The file.
@@ -60,8 +67,8 @@ class Chain:
 
         Raises:
             OSError: The file cannot be opened.
-            DescriptionError: Malformed XML, no way from base to tip, joints that mimic, float or move in a plane,
-                names used twice, missing or inverted limits.
+            DescriptionError: Malformed XML, no common ancestor of base and tip (both roots are named), joints that mimic,
+                float or move in a plane, names used twice, missing or inverted limits.
             RedundancyError: An unknown link (the names are listed), numbers that are not finite, a zero axis.
         """
 
@@ -96,7 +103,7 @@ class Chain:
         Modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + q) Tz(d)`.
 
         Args:
-            rows: `(n, 4)`: a (m), d (m), alpha (rad), offset theta (rad).
+            rows: `(n, 4)`: a (m), d (m), alpha (rad), offset theta (rad); one joint is `[[a, d, alpha, theta]]`.
             convention: Which frame the rows describe.
             base: _Pose of frame 0 in the world.
             tool: _Pose of the tool in the last frame.
@@ -160,6 +167,61 @@ class Chain:
         effort: ArrayLike | None = None,
     ) -> Chain:
         """The same arm with other limits `(n,)`; what is not given stays. A single number counts for all joints."""
+    def with_rail(
+        self,
+        axis: ArrayLike,
+        lower: float,
+        upper: float,
+        velocity: float | None = None,
+        name: str = "rail",
+    ) -> Chain:
+        """The same arm on a rail: one prismatic joint before the base.
+
+        At 0 on the rail the arm stands where it stood. The rail is the first joint; the first link is `<name>_base`, which
+        stands, and the former first link moves. Another call puts a rail below the rail. In torques the rail carries the
+        bodies that the arm's joints move; the mass of the former first link is not known.
+
+        Args:
+            axis: `(3,)` direction of the rail, world axes, of any length.
+            lower: Lowest position, m; `-inf` for none.
+            upper: Highest position, m; `inf` for none.
+            velocity: Largest speed, m/s; none when left out.
+            name: Name of the joint.
+
+        Raises:
+            RedundancyError: An axis without length, inverted limits, a name that is taken.
+
+        Example:
+            >>> import redundancy as rd
+            >>> chain = rd.catalog.load("iiwa14").with_rail((0, 1, 0), 0.0, 2.0)
+            >>> chain.dof, chain.joint_names[0]
+            (8, 'rail')
+        """
+    def with_payload(
+        self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike | None = None
+    ) -> Chain:
+        """The same arm with a body fixed to its tip; adds to what is there.
+
+        It counts in torques and what depends on them (`inverse_dynamics`, `max_speed`, `plan_orientation`).
+
+        Args:
+            mass: kg.
+            center_of_mass: `(3,)`, m, in the frame of the last link (the tip), whatever the tool is.
+            inertia: `(3, 3)` or its diagonal `(3,)` at the centre of mass, axes of the last link, kg m^2; a point mass when
+                left out.
+
+        Raises:
+            RedundancyError: A chain without inertias, a mass that is not positive, an inertia that is not symmetric or not
+                positive semidefinite, numbers that are not finite.
+
+        Example:
+            >>> import redundancy as rd
+            >>> zero, arm = [0.0] * 7, rd.catalog.load("iiwa14")
+            >>> loaded = arm.with_payload(2.0, (0.1, 0.0, 0.05))
+            >>> change = loaded.inverse_dynamics(zero, zero, zero) - arm.inverse_dynamics(zero, zero, zero)
+            >>> bool(abs(change[1]) > 1.0)
+            True
+        """
     def forward(
         self, q: ArrayLike, link: str | None = None, *, threads: int | None = None
     ) -> NDArray[np.float64]:
@@ -176,15 +238,40 @@ class Chain:
         Raises:
             RedundancyError: Wrong shape, an entry that is not finite, an unknown link (the names are listed).
         """
-    def jacobian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-        """Geometric Jacobian of the tool: linear rows first, world axes, reference point at the tool.
+    def jacobian(
+        self,
+        q: ArrayLike,
+        link: str | None = None,
+        frame: str = "base",
+        point: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Geometric Jacobian of the tool or of a link: linear rows first.
+
+        The motion is the one relative to the base; `frame` chooses the axes in which it is written, not the observer.
 
         Args:
             q: Joint positions `(n,)` or `(N, n)`, rad or m.
+            link: One of `link_names`; the tool when left out. Joints after it have columns of zeros.
+            frame: Axes of both halves: `"base"` (world axes, those in which the base is placed), `"tool"`, or one of
+                `link_names` (a link that is called base or tool is not reached by its name).
+            point: `(3,)` reference point, m, in the frame of the link (or of the tool); its origin when left out.
             threads: Threads for a batch; all cores when left out.
 
         Returns:
-            `(6, n)` or `(N, 6, n)`.
+            `(6, n)` or `(N, 6, n)`: m or 1, and 1 or 0.
+
+        Raises:
+            RedundancyError: Wrong shape, an entry that is not finite, an unknown link or frame (the names are listed).
+
+        Example:
+            >>> import numpy as np
+            >>> import redundancy as rd
+            >>> arm = rd.catalog.load("planar3r")
+            >>> body = arm.jacobian(np.zeros(3), link="link2", frame="link2", point=(0.5, 0.0, 0.0))
+            >>> body[1].tolist()
+            [6.0, 3.0, 0.0]
         """
     def kinematics(
         self, q: ArrayLike, *, threads: int | None = None
@@ -259,10 +346,15 @@ class Path:
     Between the samples the path is a C2 curve: a cubic spline with not-a-knot ends through positions and through unit
     quaternions; circle and raster of `redundancy.paths` keep their analytic curve. Immutable.
 
+    A rotation that is off by up to 1e-3 (largest deviation of a singular value from 1), and a quaternion whose norm is
+    within 1e-3 of 1, is replaced by the nearest one; beyond that it is refused with the measured value.
+
     Args:
         poses: `(N, 4, 4)`, a list of SE3-like objects, or `(N, 3)` positions, m.
         s: `(N,)` arc length, m; summed from the distances when left out.
         t: `(N,)` times, s, increasing; a path without times is timed by the arm's velocity limits.
+        positions: `(N, 3)`, m, instead of `poses`.
+        quaternions_wxyz: `(N, 4)`, scalar first, beside `positions`, or `(4,)` for all; a path of positions when left out.
 
     Raises:
         RedundancyError: Fewer than two samples, invalid poses, lengths that differ, `s` or `t` that do not increase.
@@ -272,10 +364,19 @@ class Path:
         >>> path = rd.Path([[0.3, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.2, 0.5]])
         >>> path.has_orientation, round(path.length, 12)
         (False, 0.3)
+        >>> down = rd.Path(positions=[[0.3, 0.0, 0.5], [0.4, 0.0, 0.5]], quaternions_wxyz=[0, 1, 0, 0])
+        >>> down.poses[1, :3, 2].tolist()
+        [0.0, 0.0, -1.0]
     """
 
     def __new__(
-        cls, poses: ArrayLike | Any, s: ArrayLike | None = None, t: ArrayLike | None = None
+        cls,
+        poses: ArrayLike | Any | None = None,
+        s: ArrayLike | None = None,
+        t: ArrayLike | None = None,
+        *,
+        positions: ArrayLike | None = None,
+        quaternions_wxyz: ArrayLike | None = None,
     ) -> Path: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -333,7 +434,38 @@ class Path:
             Two arrays `(6,)` or `(N, 6)`.
         """
     def resampled(self, step: float) -> Path:
-        """The same curve sampled about every `step` metres; times are interpolated linearly."""
+        """The same curve sampled about every `step` metres; times are interpolated linearly.
+
+        Where pieces of a joined path meet, there is a sample.
+        """
+    def transformed(self, pose: _Pose) -> Path:
+        """The path moved by a rigid transform: every pose `T` becomes `pose @ T`.
+
+        Circle and raster stay analytic; arc lengths and times are kept.
+        """
+    def reversed(self) -> Path:
+        """The path from its end to its start, with the same orientations.
+
+        Circle and raster stay analytic. Arc lengths and times start where they started, and each section takes as long as
+        before.
+        """
+    def joined(self, other: Path) -> Path:
+        """This path and then `other`, each with its own curve: where they meet is a corner, unless they meet smoothly.
+
+        Where `other` starts at the pose at which this path ends, they share the sample. Where it starts elsewhere, a
+        straight line leads there, with the shorter turn. Times of `other` are shifted so that it starts when this path
+        ends; across a gap they are kept and must leave room for it.
+
+        Raises:
+            RedundancyError: Only one of the two has orientations, or times; a gap without time for it.
+
+        Example:
+            >>> import redundancy as rd
+            >>> stroke = rd.Path([[0.3, 0.0, 0.5], [0.5, 0.0, 0.5]])
+            >>> there_and_back = stroke.joined(stroke.reversed())
+            >>> len(there_and_back), round(there_and_back.length, 12)
+            (3, 0.4)
+        """
     def with_orientation(
         self, orientation: ArrayLike | Callable[[NDArray[np.float64]], ArrayLike] | Any
     ) -> Path:
@@ -383,12 +515,18 @@ class Event:
 class Trajectory:
     """Joint positions and velocities over time, one row per instant, with what happened on the way.
 
+    Between its rows it is a curve, which `sample` gives and on which limits are judged: the cubic polynomial through
+    positions and velocities of both rows (C1: the acceleration may jump at a row), or, where the rows carry
+    accelerations, the quintic one through all three (C2).
+
     Args:
         joint_names: The joints, base to tip.
         t: `(N,)` times, s, increasing.
         q: `(N, n)` joint positions, rad or m.
         qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
         events: What happened on the way.
+        qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
+        section: Per row `lead_in`, `path` or `lead_out`.
 
     Example:
         >>> import redundancy as rd
@@ -403,6 +541,8 @@ class Trajectory:
         q: ArrayLike,
         qd: ArrayLike | None = None,
         events: Sequence[Event] | None = None,
+        qdd: ArrayLike | None = None,
+        section: Sequence[str] | None = None,
     ) -> Self: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -416,9 +556,15 @@ class Trajectory:
     def from_npz(path: str | PathLike[str]) -> Trajectory:
         """Read what `to_npz` writes."""
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write `t,<joint>...,<joint>_velocity...`, one line per instant, without the events."""
+        """Write `t,<joint>...,<joint>_velocity...`, one line per instant, without the events.
+
+        `<joint>_acceleration...` and `section` follow where the trajectory has them.
+        """
     def to_json(self, path: str | PathLike[str]) -> None:
-        """Write the fields of ROS `JointTrajectory`, and `events` beside them."""
+        """Write the fields of ROS `JointTrajectory`, and `events` and `section` beside them.
+
+        `accelerations` are written where the trajectory has them.
+        """
     def to_npz(self, path: str | PathLike[str]) -> None:
         """Write the arrays `joint_names, t, q, qd` and `event_kind, event_index, event_t, event_s, event_message`."""
     @property
@@ -433,6 +579,39 @@ class Trajectory:
     @property
     def qd(self) -> NDArray[np.float64]:
         """Joint velocities `(N, n)`, rad/s or m/s. A copy."""
+    @property
+    def qdd(self) -> NDArray[np.float64] | None:
+        """Joint accelerations `(N, n)`, rad/s^2 or m/s^2, where the rows carry them. A copy."""
+    @property
+    def section(self) -> NDArray[np.str_] | None:
+        """Per row `lead_in`, `path` or `lead_out` `(N,)`, where that is known. A copy."""
+    def sample(
+        self, t: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Position, velocity, acceleration and jerk of the trajectory's own interpolation.
+
+        Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the rows
+        carry accelerations, else the cubic one through position and velocity of both: what ROS's
+        `joint_trajectory_controller` makes of the same numbers. Rows are met to the last bit. At a row, acceleration
+        (of the cubic) and jerk are those of the interval that begins there.
+
+        Args:
+            t: Times, s: a number or `(N,)`, from the first row's to the last row's.
+
+        Returns:
+            q, qd, qdd, qddd, each `(n,)` or `(N, n)`: rad or m, and per s, s^2, s^3.
+
+        Raises:
+            RedundancyError: A time outside of the trajectory or not finite, a trajectory without rows.
+
+        Example:
+            >>> import redundancy as rd
+            >>> rest = [[0.0], [0.0]]
+            >>> move = rd.Trajectory(["a"], [0.0, 2.0], [[0.0], [1.0]], rest, qdd=rest)
+            >>> q, qd, qdd, qddd = move.sample(1.0)
+            >>> q.tolist(), qd.tolist(), qdd.tolist(), qddd.tolist()
+            ([0.5], [0.9375], [0.0], [-3.75])
+        """
     @property
     def events(self) -> list[Event]:
         """What happened on the way, in order."""
@@ -1340,7 +1519,7 @@ class ChoiceBatch:
 
 @final
 class SolveBatch:
-    """Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s."""
+    """Result of `solve_batch` of an arm with a closed form, and of `nearest` over many poses."""
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -1355,7 +1534,7 @@ class SolveBatch:
 class IkSolver:
     """From poses to configurations: any chain, joint limits held, a real tolerance.
 
-    `hybrid` uses the closed form where the arm has one (`SphericalWristArm`, `SrsArm`), else ranked starts and
+    `hybrid` uses the closed form where the arm has one (`rd.closed_form`), else ranked starts and
     Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
 
     Args:
@@ -1690,9 +1869,143 @@ class Configurations:
     def branches(self) -> NDArray[np.int8]:
         """Their signs (shoulder, elbow, wrist), `(k, 3)`."""
 
+@final
+class ParallelAxesArm:
+    """A six-joint arm whose axes 2, 3 and 4 are parallel, and its closed-form inverse kinematics: UR3 to UR30, Z1.
+
+    The arm is recognised from its geometry alone: axes 2, 3, 4 are parallel, axes 5 and 6 meet. Base, tool, axis signs,
+    joint zeros, offsets and the other angles between the axes do not matter.
+
+    Args:
+        chain: Six turning joints.
+
+    Raises:
+        NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rows = [[0, .16, np.pi / 2, 0], [-.6, 0, 0, 0], [-.57, 0, 0, 0],
+        ...         [0, .17, np.pi / 2, 0], [0, .12, -np.pi / 2, 0], [0, .11, 0, 0]]
+        >>> arm = rd.ParallelAxesArm(rd.Chain.from_dh(rows))
+        >>> arm.solve(arm.chain.forward([0.3, -1.5, 1.2, 1.1, 0.4, 0.7])).shape
+        (8, 6)
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"parallel_axes"`."""
+    @property
+    def parameter(self) -> None:
+        """`None`: the configurations over a pose are isolated."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """Upper arm and forearm, m: axis 2 to axis 3, axis 3 to axis 4."""
+    def solve(self, pose: Any, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose, `(k, 6)`, in branch order.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones, at
+                most 8, in principal values.
+
+        Returns:
+            `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. Where the last axis is along the
+            parallel ones, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
+            answers of an arm with a defect are polished by Newton's method.
+        """
+    def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
+        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration over the pose within limits with the least distance to `q`, windings included.
+
+        `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
+        `(N, 6)` and `valid` `(N,)`. Where the pose leaves joint 1 or joint 6 free it stays near `q`.
+        """
+    def branch(self, q: ArrayLike) -> Any:
+        """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
+
+        Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the point where axes 5
+        and 6 meet is in front of axis 1, looking along the parallel axes from its side of axis 1.
+        """
+
+@final
+class PandaClassArm:
+    """A seven-joint arm with a spherical shoulder whose last axis passes the wrist: Panda, FR3, xArm7, GEN72.
+
+    The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does not
+    pass that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not matter. The set of
+    configurations over a pose, curves of joint 7 with their arcs within the joint limits, is `rd.solutions(arm, pose)`.
+
+    Args:
+        chain: Seven turning joints.
+
+    Raises:
+        NotPandaClassError: Which axes are wrong and by how many mm or mrad.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.PandaClassArm(rd.catalog.load("panda"))
+        >>> pose = arm.chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])
+        >>> arm.solve(pose, q7=-0.9).shape
+        (1, 7)
+    """
+
+    def __new__(cls, chain: Chain) -> Self: ...
+    @property
+    def chain(self) -> Chain:
+        """The chain that was recognised."""
+    @property
+    def name(self) -> str:
+        """`"panda_class"`."""
+    @property
+    def parameter(self) -> str:
+        """`"q7"`."""
+    @property
+    def defect(self) -> tuple[float, float]:
+        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """Distances of the shoulder's and the wrist's centre from axis 4, and of the latter from axis 7, m."""
+    def solve(self, pose: Any, q7: float, limits: bool = True) -> NDArray[np.float64]:
+        """Configurations over a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            q7: rad.
+            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
+                principal values.
+
+        Returns:
+            In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this joint
+            7. The answers of an arm with a defect are polished by Newton's method.
+        """
+    def solve_batch(
+        self, poses: Any, q7: ArrayLike, limits: bool = True, *, threads: int | None = None
+    ) -> SolveBatch:
+        """All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`."""
+    @overload
+    def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
+    @overload
+    def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """The configuration over the pose within limits with the least distance to `q`, windings included.
+
+        `(7,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 7)`, a `SolveBatch` with `q`
+        `(N, 7)` and `valid` `(N,)`.
+        """
+
 # closed forms and solutions over a pose
 
-def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | SphericalWristArm | None:
+def closed_form(chain: Chain | _ClosedForm) -> _ClosedForm | None:
     """The closed form of an arm, recognised from its geometry.
 
     Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
@@ -1713,7 +2026,7 @@ def closed_form(chain: Chain | SrsArm | SphericalWristArm) -> SrsArm | Spherical
     """
 
 def solutions(
-    chain: Chain | SrsArm | SphericalWristArm,
+    chain: Chain | _ClosedForm,
     pose: Any,
     freedom: None = None,
     *,
@@ -2960,6 +3273,61 @@ def optimal_directions(
         >>> axes.shape, str(status[0])
         ((1, 3), 'converged')
     """
+
+def pose(
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike | None = None,
+    rpy: ArrayLike | None = None,
+    matrix: ArrayLike | Any | None = None,
+) -> NDArray[np.float64]:
+    """A pose from a position and at most one form of orientation.
+
+    Args:
+        position: `(3,)` or `(N, 3)`, m.
+        quaternion_wxyz: `(4,)` or `(N, 4)`, scalar first; a norm within 1e-3 of 1 is normalised, others are refused.
+        rpy: `(3,)` or `(N, 3)` roll, pitch, yaw, rad, in the order of a URDF: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+            (`quaternion.from_rpy` takes the angles in the order of the product, z first.)
+        matrix: `(3, 3)` or `(N, 3, 3)` rotation, or an object with `as_matrix()`. A matrix that is off by up to 1e-3
+            (largest deviation of a singular value from 1) is replaced by the nearest rotation.
+
+    Returns:
+        `(4, 4)`, or `(N, 4, 4)` where an argument has a leading axis.
+
+    Raises:
+        RedundancyError: More than one orientation, wrong shapes, numbers that are not finite; a quaternion or matrix that
+            is farther off, or a reflection, with the measured value.
+
+    Example:
+        >>> import redundancy as rd
+        >>> rd.pose((0.4, 0.0, 0.3), quaternion_wxyz=(0, 1, 0, 0))[:3, 2].tolist()
+        [0.0, 0.0, -1.0]
+    """
+
+def quaternion_product(a: ArrayLike, b: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+    """`a * b`: the rotation b and then, about axes that stand, a. `(4,)` or `(N, 4)` each; one counts for many."""
+
+def quaternion_conjugate(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+    """`(w, -x, -y, -z)`, the inverse rotation, of `(4,)` or `(N, 4)`."""
+
+def quaternion_rotate(q: ArrayLike, v: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+    """Vectors `(3,)` or `(N, 3)` turned by `(4,)` or `(N, 4)`; one counts for many."""
+
+def quaternion_from_axis_angle(
+    axis: ArrayLike, angle: ArrayLike, *, threads: int | None = None
+) -> NDArray[np.float64]:
+    """Rotation by `angle`, rad, a number or `(N,)`, about `axis` `(3,)` or `(N, 3)` of any length."""
+
+def quaternion_to_axis_angle(q: ArrayLike, *, threads: int | None = None) -> tuple[NDArray[np.float64], Any]:
+    """Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of no rotation is z."""
+
+def quaternion_from_matrix(matrix: ArrayLike | Any, *, threads: int | None = None) -> NDArray[np.float64]:
+    """Quaternion with a scalar part >= 0 of a rotation `(3, 3)` or `(N, 3, 3)`, or of an object with `as_matrix()`.
+
+    A matrix that is off by up to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest rotation.
+    """
+
+def quaternion_to_matrix(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+    """Rotation matrix `(3, 3)` of `(4,)`, or `(N, 3, 3)` of `(N, 4)`."""
 
 def quaternion_from_zyz(angles: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
     """`Rz(a) Ry(b) Rz(c)` of angles `(3,)` or `(N, 3)`, rad, as `(w, x, y, z)`."""

@@ -35,7 +35,7 @@ fn every_task_on_every_arm() {
                 let there = random_q(&chain, &mut rng);
                 let target = chain.forward(&there).unwrap();
                 let mut corrector = Corrector::new(&chain, task, &target).unwrap();
-                corrector.linearise(&there);
+                corrector.evaluate(&there);
                 if corrector.pivot_ratio() < 0.03 {
                     continue;
                 }
@@ -65,7 +65,7 @@ fn the_basis_is_the_kernel() {
         for _ in 0..10 {
             let q = random_q(&chain, &mut rng);
             let mut corrector = Corrector::new(&chain, task, &chain.forward(&q).unwrap()).unwrap();
-            corrector.linearise(&q);
+            corrector.evaluate(&q);
             let basis = corrector.basis().clone();
             assert_eq!(basis.ncols(), chain.dof() - task.dim());
             for t in basis.column_iter() {
@@ -94,7 +94,7 @@ fn held_coordinates() {
         let target = chain.forward(&there).unwrap();
         let mut corrector = Corrector::with_coordinates(&chain, Task::POINTING, &target, &rows).unwrap();
         corrector.set_coordinates(&[there[2], value(&there)]);
-        assert!(corrector.linearise(&there).iter().all(|e| e.abs() < 1e-14));
+        assert!(corrector.evaluate(&there).iter().all(|e| e.abs() < 1e-14));
         if corrector.pivot_ratio() < 0.03 {
             continue;
         }
@@ -143,7 +143,7 @@ fn damping() {
             corrector.damped_step(&mut much, 1e4, bound);
             let step: Vec<f64> = much.iter().zip(&start).map(|(a, b)| (a - b) * 1e8).collect();
             let mut back = vec![0.0; 7];
-            corrector.linearise(&start);
+            corrector.evaluate(&start);
             // J^T e from the multipliers of the least-squares problem: J J^T e / ... is avoided, so compare J (J^T e).
             corrector.null_space().multipliers(&step, &mut back);
             assert!(error.iter().zip(&back).all(|(e, b)| (e - b).abs() < 1e-5), "{task}: {error:?} {back:?}");
@@ -208,5 +208,50 @@ proptest! {
         prop_assert!((error.angle - angle).abs() < 1e-11 && (error.angular.norm() - error.angle).abs() < 1e-15 * 4.0);
         let moved = Rotation3::new(error.angular);
         prop_assert!((moved.matrix() - to.rotation.matrix()).norm() < 1e-9);
+    }
+}
+
+#[test]
+fn nothing_is_allocated_after_the_start() {
+    let chain = catalog::load("panda").unwrap();
+    let there = [0.1, 0.4, -0.2, -1.9, 0.3, 1.7, 0.5];
+    let target = chain.forward(&there).unwrap();
+    let mut row = [0.0; 7];
+    row[3] = 1.0;
+    for (task, rows) in [(Task::POSE, 0), (Task::POINTING, 0), (Task::POINTING, 1), (Task::POSITION, 2)] {
+        let mut corrector =
+            Corrector::with_coordinates(&chain, task, &target, &[row; 2].concat()[..7 * rows]).unwrap();
+        let count = crate::allocations::count(|| {
+            corrector.set_target(&target);
+            corrector.hold(0, &row, there[3]);
+            let mut q = there;
+            q[0] += 0.05;
+            // Two equal rows are singular: the step is then that of the factors.
+            let met = corrector.reach(&mut q) || rows == 2;
+            let size = corrector.basis().norm() + corrector.pivot_ratio() + corrector.error(&q).position;
+            corrector.evaluate(&q);
+            corrector.damped_step(&mut q, 0.1, StepBound::Joint(0.1));
+            assert!(met && size.is_finite());
+        });
+        assert_eq!(count, 0, "{task} {rows}");
+    }
+}
+
+/// At exactly singular configurations steps are finite and still reduce what can be reduced.
+#[test]
+fn steps_at_singular_configurations() {
+    for (name, q) in [("puma560", vec![0.0; 6]), ("planar3r", vec![0.0; 3]), ("iiwa14", vec![0.0; 7])] {
+        let chain = catalog::load(name).unwrap();
+        let task = if name == "planar3r" { Task::PLANAR } else { Task::POSE };
+        let mut target = chain.forward(&q).unwrap();
+        target.translation.vector.y += 1e-3;
+        let mut corrector = Corrector::new(&chain, task, &target).unwrap();
+        let before = corrector.error(&q).position;
+        assert!(corrector.evaluate(&q).iter().all(|e| e.is_finite()));
+        assert!(corrector.pivot_ratio() < 1e-12, "{name}");
+        let mut next = q.clone();
+        let size = corrector.step(&mut next, StepBound::Length(0.01));
+        assert!(size.is_finite() && next.iter().all(|q| q.is_finite()), "{name}");
+        assert!(corrector.error(&next).position < before, "{name}");
     }
 }

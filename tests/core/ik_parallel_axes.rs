@@ -102,7 +102,6 @@ fn real_arms() -> Vec<Chain> {
         urdf_arm("ur3", "base_link", "tool0"),
         urdf_arm("ur5", "base_link", "tool0"),
         urdf_arm("ur10", "base_link", "tool0"),
-        urdf_arm("z1", "link00", "link06"),
     ]
 }
 
@@ -217,7 +216,7 @@ fn singular_poses_are_defined() {
             let target = chain.forward(&q).unwrap();
             for limits in [false, true] {
                 let rows = arm.solve(&target, limits).unwrap();
-                assert!(!rows.is_empty(), "{} {q:?}", chain.name());
+                assert!(!rows.is_empty(), "{k} {near:e} {} {q:?}", chain.name());
                 for row in &rows {
                     assert!(row.iter().all(|x| x.is_finite()));
                     let error = pose_error(&chain.forward(row).unwrap(), &target);
@@ -228,7 +227,8 @@ fn singular_poses_are_defined() {
             assert!(pose_error(&chain.forward(&near_q).unwrap(), &target) < 1e-10);
             let distance = near_q.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
             // Where two joints are at an end, rounding of one moves the other by its root.
-            assert!(distance < 0.1, "{k} {near:e} {distance:e} {near_q:?} {q:?}");
+            let bound = if k % 3 == 2 { 2e-3 } else { 1e-6 };
+            assert!(distance < bound, "{k} {near:e} {distance:e} {near_q:?} {q:?}");
             wrists += usize::from(k % 3 == 0 && near == 0.0);
         }
     }

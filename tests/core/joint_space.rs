@@ -236,3 +236,32 @@ fn not_a_number_is_not_an_angle() {
     // Beyond 2^31 turns nothing is promised but a finite answer.
     assert!(turns(1e300).is_finite() && nearest(0.0, -1e300).is_finite());
 }
+
+/// Elsewhere whole turns are neither added nor removed. A turn as a length (of a circle, of a grid over it) is `joint_space::TURN`.
+#[test]
+fn whole_turns_are_added_here_alone() {
+    // Formulas in which 2 pi is no turn of a joint: circumferences, a sine of a share.
+    const FORMULAS: [&str; 3] = ["path/shapes.rs", "velocity/damping.rs", "optimum/follow.rs"];
+    // Left of this room.
+    const LEFT: [&str; 2] = ["rotation/", "joint_space/"];
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut folders = vec![root.clone()];
+    let mut files = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            let name = entry.strip_prefix(&root).unwrap().to_string_lossy().replace('\\', "/");
+            if entry.is_dir() {
+                folders.push(entry);
+            } else if !LEFT.iter().any(|room| name.starts_with(room)) && !FORMULAS.contains(&name.as_str()) {
+                files += 1;
+                for (k, line) in std::fs::read_to_string(&entry).unwrap().lines().enumerate() {
+                    let code = line.split("//").next().unwrap_or_default();
+                    let turns =
+                        ["TAU", "2.0 * PI", "2.0 * std::f64::consts::PI", "rem_euclid(TURN", "/ TURN).round"];
+                    assert!(!turns.iter().any(|turn| code.contains(turn)), "{name}:{}: {line}", k + 1);
+                }
+            }
+        }
+    }
+    assert!(files > 100);
+}

@@ -18,7 +18,7 @@ mod inverse_dynamics;
 mod joint_space;
 mod kinematics;
 mod optimum;
-#[cfg(feature = "panda-class")]
+mod painting;
 mod panda_class;
 mod parallel;
 mod path;
@@ -33,7 +33,6 @@ mod rotation;
 mod scene;
 mod self_motion;
 mod solutions;
-mod spray;
 mod support;
 mod task;
 mod trajectory_sample;

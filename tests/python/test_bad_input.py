@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import re
 import threading
 
 import numpy as np
@@ -102,3 +103,123 @@ def test_the_circle_pickles():
     assert "too far" in none.reason
     for batch in [ARM.solve_batch([POSE], 0.1), ARM.nearest_batch([POSE], np.zeros(7))]:
         assert np.array_equal(pickle.loads(pickle.dumps(batch)).q, batch.q)
+
+
+MISALIGNED = np.frombuffer(b"\0" + np.linspace(0.1, 0.7, 7).tobytes(), dtype=np.uint8)[1:].view(np.float64)
+RECORDS = np.zeros(7, dtype=[("a", float)])
+
+
+@pytest.mark.parametrize(
+    ("array", "text"),
+    [
+        (np.array(["0.1"] * 7), "q is an array of strings"),
+        (["0.1"] * 7, "q is an array of strings"),
+        (np.array([b"0.1"] * 7), "q is an array of strings"),
+        (np.array([0.1] * 6 + ["0.1"], dtype=object), r"q: entry 6 is '0\.1', a real number is needed"),
+        (np.array([0.1] * 6 + [None], dtype=object), "q: entry 6 is None"),
+        (np.array(["2026-01-01"] * 7, dtype="datetime64[D]"), "q is an array of dates"),
+        (np.arange(7).astype("timedelta64[s]"), "q is an array of time differences"),
+        (RECORDS, "q is an array of records"),
+        (np.zeros(7) + 1j, "q is complex"),
+        (np.array([0.1] * 6 + [1j], dtype=object), r"q: entry 6 is 1j"),
+        ([[0.1] * 7, [0.1] * 6], "q cannot be read as an array of numbers"),
+        (np.ma.masked_array(np.zeros(7), mask=[0, 0, 1, 0, 0, 0, 0]), "q has masked entries"),
+        (np.ma.masked_array(np.zeros((2, 7)), mask=np.eye(2, 7)), "q has masked entries"),
+        (np.ma.masked_array(np.arange(7), mask=[0, 0, 1, 0, 0, 0, 0]), "q has masked entries"),
+        (np.ma.masked_array(np.zeros(7, np.float32), mask=[0, 0, 1, 0, 0, 0, 0]), "q has masked entries"),
+    ],
+)
+def test_arrays_that_hold_no_numbers(array, text: str):
+    fast = [CHAIN.forward, CHAIN.jacobian, CHAIN.kinematics, CHAIN.hessian, rd.JointRange(CHAIN).value]
+    rows = [lambda q: CHAIN.inverse_dynamics(q, np.zeros(7), np.zeros(7))]
+    for call in fast + rows:
+        with pytest.raises(rd.RedundancyError, match=text):
+            call(array)
+
+
+def test_arrays_that_hold_numbers_otherwise():
+    from decimal import Decimal
+    from fractions import Fraction
+
+    assert not MISALIGNED.flags.aligned
+    expected = CHAIN.forward(MISALIGNED.copy())
+    halves = np.array([0.5] * 7)
+    many = np.stack([MISALIGNED, MISALIGNED])
+    raw = np.frombuffer(b"\0" + many.tobytes(), dtype=np.uint8)[1:].view(np.float64).reshape(2, 7)
+    assert not raw.flags.aligned
+    assert np.array_equal(CHAIN.forward(MISALIGNED), expected)
+    assert np.array_equal(CHAIN.forward(raw)[1], expected)
+    assert np.array_equal(CHAIN.forward(MISALIGNED.astype(">f8")), expected)
+    assert rd.JointRange(CHAIN).value(MISALIGNED) == rd.JointRange(CHAIN).value(MISALIGNED.copy())
+    pose = np.frombuffer(b"\0" + POSE.tobytes(), dtype=np.uint8)[1:].view(np.float64).reshape(4, 4)
+    assert np.array_equal(CHAIN.with_tool(pose).tool, POSE)
+    for same in ([Fraction(1, 2)] * 7, [Decimal("0.5")] * 7, np.array([0.5] * 7, dtype=object), np.float16(halves)):
+        assert np.array_equal(CHAIN.forward(same), CHAIN.forward(halves))
+    whole = np.ma.masked_array(halves, mask=False)
+    assert np.array_equal(CHAIN.forward(whole), CHAIN.forward(halves))
+    assert np.array_equal(CHAIN.forward([True, False, 0, 0, 0, 0, 0]), CHAIN.forward([1.0, 0, 0, 0, 0, 0, 0]))
+
+
+def test_one_row_of_denavit_hartenberg_is_a_list_of_one():
+    with pytest.raises(rd.RedundancyError, match=r"rows has shape \(4,\), expected \(n, 4\)"):
+        rd.Chain.from_dh([0.3, 0.0, 0.0, 0.0])
+    assert rd.Chain.from_dh([[0.3, 0.0, 0.0, 0.0]]).dof == 1
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: CHAIN.forward(None), "q"),
+        (lambda: CHAIN.forward(np.zeros(7), link=3), "link"),
+        (lambda: CHAIN.forward(np.zeros((2, 7)), threads="two"), "threads"),
+        (lambda: CHAIN.with_rail((0, 0, 1), "low", 1.0), "lower"),
+        (lambda: CHAIN.with_rail((0, 0, 1), 0.0, 1.0, velocity="fast"), "velocity"),
+        (lambda: CHAIN.with_payload("heavy", (0, 0, 0)), "mass"),
+        (lambda: CHAIN.inverse_dynamics(np.zeros(7), np.zeros(7), np.zeros(7), gravity=9.81), "gravity"),
+        (lambda: CHAIN.inverse_dynamics(np.zeros(7), np.zeros(7), np.zeros(7), gravity=(0, 0)), "gravity"),
+        (lambda: CHAIN.jacobian(np.zeros(7), point=3.0), "point"),
+        (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], names=3), "names"),
+        (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], lower="low"), "lower"),
+        (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=3), "inertia"),
+        (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=[("a", (0, 0, 0), (0, 0, 0))]), r"inertia\[0\]: mass"),
+        (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=[3]), r"inertia\[0\]"),
+        (lambda: CHAIN.with_limits(lower="low"), "lower"),
+        (lambda: rd.Path(None), "poses"),
+        (lambda: rd.Path("path.csv"), "poses"),
+        (lambda: rd.Path([POSE, POSE], s="far"), "s"),
+        (lambda: rd.Path([POSE, POSE], s=[0, 1]).joined("other"), "other"),
+        (lambda: rd.Path([POSE, POSE], s=[0, 1]).resampled("fine"), "step"),
+        (lambda: rd.Trajectory(["a"], [0.0], [[0.0]], events=[3]), "events"),
+        (lambda: rd.Trajectory(["a"], [0.0], [[0.0]], section=3), "section"),
+        (lambda: rd.Trajectory(3, [0.0], [[0.0]]), "joint_names"),
+        (lambda: rd.pose("here"), "position"),
+        (lambda: rd.quaternion.rotate(IDENTITY, "up"), "v"),
+        (lambda: rd.paths.circle("here", 1.0), "center"),
+        (lambda: rd.paths.circle((0, 0, 0), "wide"), "radius"),
+    ],
+)
+def test_what_is_wrong_is_named(call, text: str):
+    with pytest.raises((rd.RedundancyError, TypeError), match=rf"\b{text}"):
+        call()
+
+
+def test_units_are_asked_about():
+    arm = rd.catalog.load("iiwa14")
+    tool = np.diag([-1.0, 1.0, -1.0])
+    millimetres = rd.paths.circle((500.0, 0.0, 400.0), 100.0, n=20, orientation=tool)
+    ask = r"are the positions in millimetres\?"
+    plan = rd.plan_swivel(rd.SrsArm(arm), millimetres)
+    assert plan.status == "unreachable" and re.search(ask, plan.reason)
+    near = rd.plan_swivel(rd.SrsArm(arm), rd.paths.circle((5.0, 0.0, 4.0), 0.1, n=20, orientation=tool))
+    assert near.status == "unreachable" and "millimetres" not in near.reason
+    with pytest.raises(rd.CannotFollowError, match=ask):
+        rd.max_speed(arm, millimetres)
+    resolver = rd.ProjectedGradient(arm, rd.JointRange(arm), 0.1)
+    run = rd.track(arm, resolver, millimetres, np.full(7, 0.3), 0.1, 1.0)
+    assert run.status == "off_path" and re.search(ask, run.reason)
+    flow = rd.SwivelFlow(rd.SrsArm(arm), 0.0, rd.Scene([]))
+    with pytest.raises(rd.RedundancyError, match=ask):
+        flow.follow(millimetres.with_times(np.arange(20.0)), 0.0, 0.1)
+    path = rd.Path([arm.forward(np.full(7, 0.3)), arm.forward(np.full(7, 0.31))])
+    with pytest.raises(rd.RedundancyError, match=r"180 rad, 28\.6 turns: are the joint positions in degrees\?"):
+        rd.follow_optimum(arm, path, [0.0, 30.0, 0.0, -90.0, 0.0, 60.0, 180.0], rd.JointRange(arm))

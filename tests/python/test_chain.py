@@ -13,10 +13,10 @@ NAMES = rd.catalog.names()
 
 
 def test_catalogue() -> None:
-    assert NAMES == ["dexter", "iiwa14", "pa10", "panda", "planar3r", "planar4r", "puma560"]
+    assert sorted(NAMES) == NAMES and len(NAMES) == 23
     for name in NAMES:
         assert rd.catalog.load(name).name == name
-    with pytest.raises(rd.RedundancyError, match="unknown robot 'kr6', expected one of: dexter, iiwa14"):
+    with pytest.raises(rd.RedundancyError, match="unknown robot 'kr6', expected one of: dexter, fr3"):
         rd.catalog.load("kr6")
 
 

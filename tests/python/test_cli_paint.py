@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import redundancy as rd
-from redundancy import _commands, _paint
+from redundancy import _commands, _painting
 
 TOOL = ("--tool", "-0.15,0,0.4")
 
@@ -22,7 +22,7 @@ def run(capsys, *arguments):
 @pytest.fixture
 def strokes(tmp_path):
     """A short part of the demo's path."""
-    positions = _commands.demo_spray().poses[200:420:2, :3, 3]
+    positions = _commands.demo_strokes().poses[200:420:2, :3, 3]
     rd.Path(positions).to_csv(tmp_path / "path.csv")
     return tmp_path / "path.csv"
 
@@ -32,9 +32,9 @@ def test_rules_and_plan_are_compared_and_the_plan_is_written(capsys, strokes, tm
     options = ("--robot", "puma560", *TOOL, "--path", strokes, "--plan", "--time-limit", 2, "--out", out)
     status, text, err = run(capsys, "paint", *options)
     assert (status, err) == (0, "")
-    for name in (*_paint.RULES, _paint.PLAN):
+    for name in (*_painting.RULES, _painting.PLAN):
         assert re.search(rf"^{name} +\d\.\d{{4}} +x\d\.\d{{3}}", text, re.MULTILINE), name
-    assert {f.name for f in out.iterdir()} == set(_paint.RESULTS)
+    assert {f.name for f in out.iterdir()} == set(_painting.RESULTS)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["written"] == "plan" and summary["plan"]["status"] in ("time_limit", "converged")
     plan = next(choice for choice in summary["choices"] if choice["name"] == "plan")
@@ -49,9 +49,9 @@ def test_rules_and_plan_are_compared_and_the_plan_is_written(capsys, strokes, tm
     duration = summary["length_m"] / summary["speed_m_s"]
     assert trajectory.t[-1] == pytest.approx(duration, rel=1e-3)
     page = (out / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == len(_paint.PICTURES)
+    assert page.count("data:image/png;base64,") == len(_painting.PICTURES)
     assert not re.search(r"(src|href)=\"?https?:", page) and "<script" not in page
-    for picture in _paint.PICTURES:
+    for picture in _painting.PICTURES:
         assert (out / picture).read_bytes().startswith(b"\x89PNG")
 
 

@@ -171,11 +171,11 @@ def test_broken_csv_is_a_file_error_with_its_line(tmp_path):
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        ((np.eye(4),), "expected"),
+        ((np.eye(4),), "at least two samples"),
         ((np.zeros((3, 4)),), r"expected \(N, 4, 4\) or positions \(N, 3\)"),
         ((np.zeros((3, 4, 4)),), r"poses\[0\]"),
         ((np.full((3, 3), np.nan),), "must be finite"),
-        (("text",), "expected"),
+        (("text",), "poses"),
         (([],), "expected"),
         ((np.zeros((1, 3)),), "at least two samples"),
         ((poses(3), [0.0, 1.0]), "expected 3 entries, got 2"),

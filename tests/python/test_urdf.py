@@ -201,8 +201,7 @@ def test_bad_descriptions_are_named(xml: str, words: list[str]) -> None:
 def test_other_bad_input() -> None:
     with pytest.raises(rd.RedundancyError, match="unknown link 'z', expected one of: a, b"):
         rd.Chain.from_urdf_string(joint(), tip="z")
-    with pytest.raises(rd.DescriptionError, match="no way from base 'b' to tip 'a'"):
-        rd.Chain.from_urdf_string(joint(), "b", "a")
+    assert rd.Chain.from_urdf_string(joint(), "b", "a").dof == 1
     with pytest.raises(rd.RedundancyError, match="axis of joint 'j' has length 0"):
         rd.Chain.from_urdf_string(joint(inside=LIMIT + '<axis xyz="0 0 0"/>'))
     with pytest.raises(rd.RedundancyError, match="origin xyz: entry 1 is NaN"):

@@ -8,6 +8,15 @@ pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
 /// three decimals pass, matrices with a typing error do not. The same as for the norm of quaternions.
 pub const ROTATION_NEAR: f64 = 1e-3;
 
+/// Distance of every point of a path from the arm, in multiples of its reach, above which a message asks whether the path
+/// is in millimetres: a path in metres that is meant for the arm starts below one, one in millimetres a thousand times
+/// higher.
+pub const MILLIMETRE_REACHES: f64 = 20.0;
+
+/// Turns of a joint above which a message asks about degrees: 180 degrees taken for radians are 28.6 turns, which no
+/// arm's cables survive.
+pub const DEGREE_TURNS: f64 = 20.0;
+
 /// Asymmetry and negative eigenvalues of an inertia tensor, relative to its largest entry, that rounding explains.
 pub const INERTIA_ROUNDING: f64 = 1e-9;
 
@@ -47,6 +56,12 @@ pub const ROOT_WIDTH: f64 = 1e-9;
 /// Share of what a cubic leaves of the trapezoid rule that bounds what the cubic misses: for a frequency k the ratio is
 /// `h k / 32` on parts of length h.
 pub const ARC_BAND: f64 = 0.1;
+
+/// Width (rad) below which a proof by intervals does not divide further: what is not decided there is not claimed.
+pub const PROOF_SHORTEST: f64 = 1e-7;
+
+/// What covers the rounding of a proof by intervals, rad and m^2: a thousand roundings of numbers of order 1.
+pub const PROOF_MARGIN: f64 = 1e-12;
 
 /// Share of the bend of a part (the change of the rate, times its length) that counts beside what the cubic leaves of the
 /// trapezoid rule, which is nothing where the part is symmetric.
@@ -395,6 +410,10 @@ pub const TRACE_SHORTEST: f64 = 1e-8;
 /// Angle (rad) by which the tangent of a self-motion may turn in one step. The predicted point is then within a per
 /// cent of the step of the curve.
 pub const TRACE_TURN: f64 = 0.2;
+
+/// Rooted ratio of the pivots of `J J^T` down to which a Newton step is taken from the normal equations: they cost it half of its
+/// digits, which the next step restores.
+pub const NORMAL_EQUATIONS: f64 = 1e-4;
 
 /// Newton correction (rad) after which a point counts as on the curve: what is left is of the order of its square.
 pub const TRACE_ONE_STEP: f64 = 1e-6;

@@ -172,7 +172,6 @@ impl PyChain {
     #[staticmethod]
     #[pyo3(signature = (rows, convention="standard", base=None, tool=None, names=None, lower=None, upper=None,
         velocity=None, effort=None, inertia=None, rotor_inertia=None, *, name="arm"))]
-    #[allow(clippy::too_many_arguments)]
     fn from_dh(
         rows: &Bound<'_, PyAny>,
         convention: &str,

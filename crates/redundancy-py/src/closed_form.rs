@@ -4,8 +4,11 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 use redundancy_core::Error;
-use redundancy_core::solutions::{ClosedForm, SphericalWristArm, SrsArm, closed_form};
+use redundancy_core::solutions::{
+    ClosedForm, PandaClassArm, ParallelAxesArm, SphericalWristArm, SrsArm, closed_form,
+};
 
+use crate::arms::{PyPandaClassArm, PyParallelAxesArm};
 use crate::chain::PyChain;
 use crate::error::to_py;
 use crate::ik::PySphericalWristArm;
@@ -18,7 +21,7 @@ type Wrap = for<'py> fn(&dyn ClosedForm, &Bound<'py, PyChain>) -> Option<PyResul
 type Unwrap = fn(&Bound<'_, PyAny>) -> Option<(Py<PyChain>, Arc<dyn ClosedForm>)>;
 
 /// One row for each kind of arm in the registry.
-const KINDS: [(Wrap, Unwrap); 2] = [
+const KINDS: [(Wrap, Unwrap); 4] = [
     (
         |form, chain| {
             let arm = form.as_any().downcast_ref::<SphericalWristArm>()?.clone();
@@ -37,6 +40,28 @@ const KINDS: [(Wrap, Unwrap); 2] = [
         },
         |object| {
             let arm = object.cast::<PySrsArm>().ok()?.get();
+            Some((arm.chain.clone_ref(object.py()), Arc::new(arm.arm.clone())))
+        },
+    ),
+    (
+        |form, chain| {
+            let arm = form.as_any().downcast_ref::<ParallelAxesArm>()?.clone();
+            let arm = PyParallelAxesArm { arm, chain: chain.clone().unbind() };
+            Some(Bound::new(chain.py(), arm).map(Bound::into_any))
+        },
+        |object| {
+            let arm = object.cast::<PyParallelAxesArm>().ok()?.get();
+            Some((arm.chain.clone_ref(object.py()), Arc::new(arm.arm.clone())))
+        },
+    ),
+    (
+        |form, chain| {
+            let arm = form.as_any().downcast_ref::<PandaClassArm>()?.clone();
+            let arm = PyPandaClassArm { arm, chain: chain.clone().unbind() };
+            Some(Bound::new(chain.py(), arm).map(Bound::into_any))
+        },
+        |object| {
+            let arm = object.cast::<PyPandaClassArm>().ok()?.get();
             Some((arm.chain.clone_ref(object.py()), Arc::new(arm.arm.clone())))
         },
     ),

@@ -30,6 +30,18 @@ pyo3::create_exception!(
 );
 pyo3::create_exception!(
     redundancy,
+    NotParallelAxesError,
+    RedundancyError,
+    "The chain is not a six-joint arm with three parallel axes; the message says which axes are wrong and by how much."
+);
+pyo3::create_exception!(
+    redundancy,
+    NotPandaClassError,
+    RedundancyError,
+    "The chain is not an arm of the Panda class; the message says which axes are wrong and by how much."
+);
+pyo3::create_exception!(
+    redundancy,
     FileFormatError,
     RedundancyError,
     "A file is broken; the message gives its name and line."
@@ -48,6 +60,8 @@ pub fn to_py(error: Error) -> PyErr {
     match error {
         Error::NotSrs { .. } => NotSrsError::new_err(message),
         Error::NotSphericalWrist { .. } => NotSphericalWristError::new_err(message),
+        Error::NotParallelAxes { .. } => NotParallelAxesError::new_err(message),
+        Error::NotPandaClass { .. } => NotPandaClassError::new_err(message),
         Error::CannotFollow(_) => CannotFollowError::new_err(message),
         Error::File { .. } => FileFormatError::new_err(message),
         Error::Description(_) | Error::InvertedLimits { .. } => DescriptionError::new_err(message),
@@ -63,5 +77,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CannotFollowError", py.get_type::<CannotFollowError>())?;
     module.add("NotSrsError", py.get_type::<NotSrsError>())?;
     module.add("NotSphericalWristError", py.get_type::<NotSphericalWristError>())?;
+    module.add("NotParallelAxesError", py.get_type::<NotParallelAxesError>())?;
+    module.add("NotPandaClassError", py.get_type::<NotPandaClassError>())?;
     module.add("FileFormatError", py.get_type::<FileFormatError>())
 }

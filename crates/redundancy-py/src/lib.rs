@@ -1,7 +1,11 @@
 //! Python bindings: exports only. Every function converts, detaches, calls, converts.
 
+// One argument per keyword.
+#![allow(clippy::too_many_arguments)]
+
 use pyo3::prelude::*;
 
+mod arms;
 mod batch;
 mod chain;
 mod closed_form;
@@ -31,6 +35,8 @@ mod watch;
 mod _core {
     use super::*;
 
+    #[pymodule_export]
+    use arms::{PyPandaClassArm, PyParallelAxesArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]

@@ -412,7 +412,6 @@ pub fn paths_circle(
 
 /// A raster; see `redundancy.paths.raster`.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn paths_raster(
     origin: &Bound<'_, PyAny>,
     length: f64,

@@ -66,7 +66,6 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
     velocity_limits=Some("chain".into()), *, fixed=None, branch=None, margin=0.0, swivels=None, limit_weight=None,
     motion_weight=None, swivel_weight=None, clearance_weight=None, manipulability_weight=None,
     acceleration_weight=None, progress=None, time_limit=None))]
-#[allow(clippy::too_many_arguments)]
 pub fn py_plan_swivel<'py>(
     py: Python<'py>,
     arm: &Bound<'py, PySrsArm>,
@@ -154,7 +153,6 @@ impl PySwivelFlow {
     #[pyo3(signature = (arm, desired, scene=None, form="robust", link_radius=None, *, branch=[1, 1, 1], tau=None,
         lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, active_distance=None,
         barrier_rate=None))]
-    #[allow(clippy::too_many_arguments)]
     fn new(
         arm: &Bound<'_, PySrsArm>,
         desired: &Bound<'_, PyAny>,

@@ -743,7 +743,6 @@ impl PyOrientationSolution {
     }
 
     #[staticmethod]
-    #[allow(clippy::too_many_arguments)] // the fields, in order
     fn _restore(
         q: [f64; 4],
         value: f64,
@@ -808,7 +807,6 @@ fn spread(values: &[f64], batch: Option<usize>, n: usize) -> std::borrow::Cow<'_
 /// The best tool directions between cones around many pairs of directions.
 #[pyfunction]
 #[pyo3(signature = (normals, directions, beta, alpha, k_err=1.0, k_tcp=1.0, *, threads=None))]
-#[allow(clippy::too_many_arguments)]
 pub fn optimal_directions<'py>(
     py: Python<'py>,
     normals: &Bound<'py, PyAny>,

@@ -8,7 +8,7 @@ use redundancy_core::nalgebra::{Matrix3, Rotation3, Vector3};
 use redundancy_core::path::Path;
 use redundancy_core::planning::{BarrierRule, OrientationRule, RuleKind, RuleSpin, Surface};
 use redundancy_core::timing::{
-    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
+    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_profile, max_speed, max_speed_of_poses,
 };
 use redundancy_core::{Error, Pose};
 
@@ -406,7 +406,7 @@ pub fn py_max_speed<'py>(
     } else {
         let poses = read_oriented(py, path, orientation_rule)?;
         let start = q0.map(|q| read_vector(q, "q0", Some(chain.dof()))).transpose()?;
-        py.detach(|| fastest_line(&chain, path.s(), &poses, start.as_deref(), &settings))
+        py.detach(|| max_speed_of_poses(&chain, path.s(), &poses, start.as_deref(), &settings))
     }
     .map_err(to_py)?;
     let joint_name = chain.joints()[result.limiting_joint].name.clone();

@@ -11,7 +11,7 @@ use redundancy_core::kinematics::Task;
 use redundancy_core::planning::{Track, TrackSettings, track};
 use redundancy_core::velocity::{
     ActiveLimit, Damping, ExtendedJacobian, Gain, ProjectedGradient, ReducedGradient, Resolver,
-    SaturatedNullspace, StepInput, StepReport, sigma_min,
+    SaturatedNullspace, Step, StepInput, sigma_min,
 };
 
 use crate::chain::PyChain;
@@ -355,7 +355,7 @@ fn read_basis(basis: &[i64]) -> PyResult<Vec<usize>> {
 pub struct PyStep {
     q: Vec<f64>,
     qd: Vec<f64>,
-    report: StepReport,
+    report: Step,
     active: Vec<ActiveLimit>,
     chain: Py<PyChain>,
     task: Task,
@@ -467,7 +467,7 @@ impl PyStep {
                 .find(|kind| kind.as_str() == word && joint < dof);
             kind.map(|kind| ActiveLimit { joint, kind, upper }).ok_or_else(unknown)
         };
-        let report = StepReport {
+        let report = Step {
             status,
             scale: numbers.0,
             damping: numbers.1,

@@ -3,15 +3,26 @@
 //! | name | arm | joints | limits | inertias |
 //! |---|---|---|---|---|
 //! | `dexter` | Scienza Machinale DEXTER | 8R | position | - |
+//! | `fr3` | Franka Research 3 | 7R | position, velocity, torque | yes |
+//! | `gen3` | Kinova Gen3, seven joints | 7R | position, velocity, torque | - |
 //! | `iiwa14` | KUKA LBR iiwa 14 R820 | 7R | position, velocity, torque | yes |
+//! | `irb2400` | ABB IRB 2400 | 6R | position, velocity | - |
+//! | `kr6_r900` | KUKA KR 6 R900 sixx | 6R | position, velocity | - |
+//! | `openarm` | Enactic OpenArm v1.0, one arm | 7R | position, velocity, torque | - |
 //! | `pa10` | Mitsubishi PA10-7C | 7R | position, velocity | - |
 //! | `panda` | Franka Emika Panda (FER) | 7R | position, velocity, acceleration, torque | yes |
 //! | `planar3r` | Park's planar arm, 3, 2.5, 2 m | 3R | - | - |
 //! | `planar4r` | the same with a fourth link of 1.5 m | 4R | - | - |
 //! | `puma560` | Unimation PUMA 560 | 6R | position, torque | yes, with rotors |
+//! | `rby1` | Rainbow Robotics RB-Y1, right arm | 7R | position, velocity, acceleration, torque | - |
+//! | `rizon4` | Flexiv Rizon 4 | 7R | position, velocity, torque | - |
+//! | `sawyer` | Rethink Robotics Sawyer | 7R | position, velocity, torque | - |
+//! | `unitree_g1` | Unitree G1, left arm | 7R | position, velocity, torque | - |
+//! | `ur3e`, `ur5e`, `ur10e`, `ur16e`, `ur20`, `ur30` | Universal Robots | 6R | position, velocity, torque | - |
+//! | `xarm7` | UFACTORY xArm 7 | 7R | position, velocity, torque | - |
 //!
 //! What a source does not publish is infinite (limits) or absent (inertias); nothing is guessed. Right angles are
-//! exact: the rotation part of every placement has entries 0 and +-1.
+//! exact: the rotation part of every placement has entries 0 and +-1, except where an arm leans (`rby1`, `sawyer`, `unitree_g1`).
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -20,18 +31,36 @@ use nalgebra::{Matrix3, Vector3};
 use super::builder::ChainBuilder;
 use super::chain::Chain;
 use super::dh::{DhConvention, DhRow};
-use super::joint::{Inertia, JointKind, Limits};
+use super::entries::{along_z, body, diagonal, limits, row};
+use super::joint::{JointKind, Limits};
+use super::published;
 use crate::error::{Error, Result};
 use crate::pose::{Pose, pose};
 
-const ARMS: [(&str, fn() -> Result<Chain>); 7] = [
+const ARMS: [(&str, fn() -> Result<Chain>); 23] = [
     ("dexter", dexter),
+    ("fr3", published::fr3),
+    ("gen3", published::gen3),
     ("iiwa14", iiwa14),
+    ("irb2400", published::irb2400),
+    ("kr6_r900", published::kr6_r900),
+    ("openarm", published::openarm),
     ("pa10", pa10),
     ("panda", panda),
     ("planar3r", planar3r),
     ("planar4r", planar4r),
     ("puma560", puma560),
+    ("rby1", published::rby1),
+    ("rizon4", published::rizon4),
+    ("sawyer", published::sawyer),
+    ("unitree_g1", published::unitree_g1),
+    ("ur10e", published::ur10e),
+    ("ur16e", published::ur16e),
+    ("ur20", published::ur20),
+    ("ur30", published::ur30),
+    ("ur3e", published::ur3e),
+    ("ur5e", published::ur5e),
+    ("xarm7", published::xarm7),
 ];
 
 /// The names that [`load`] knows, in alphabetical order.
@@ -285,40 +314,4 @@ fn upright(name: &str, joints: &[(&str, Vector3<f64>, f64)], tip: &str, height: 
             .link(format!("link{}", i + 1), Pose::identity());
     }
     builder.link(tip, along_z(height))
-}
-
-/// One [`Limits`] per joint; an empty list means that there is no such limit.
-fn limits(
-    lower: &[f64],
-    upper: &[f64],
-    velocity: &[f64],
-    acceleration: &[f64],
-    effort: &[f64],
-) -> Vec<Limits> {
-    let at = |list: &[f64], i: usize| list.get(i).copied().unwrap_or(f64::INFINITY);
-    let joint = |(i, (lower, upper)): (usize, (&f64, &f64))| Limits {
-        lower: *lower,
-        upper: *upper,
-        velocity: at(velocity, i),
-        acceleration: at(acceleration, i),
-        effort: at(effort, i),
-    };
-    lower.iter().zip(upper).enumerate().map(joint).collect()
-}
-
-fn row(a: f64, d: f64, alpha: f64) -> DhRow {
-    DhRow { a, d, alpha, theta: 0.0 }
-}
-
-fn along_z(height: f64) -> Pose {
-    pose(Matrix3::identity(), Vector3::new(0.0, 0.0, height))
-}
-
-fn diagonal(mass: f64, center_of_mass: [f64; 3], [x, y, z]: [f64; 3]) -> Inertia {
-    body(mass, center_of_mass, [x, y, z, 0.0, 0.0, 0.0])
-}
-
-fn body(mass: f64, center_of_mass: [f64; 3], [xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Inertia {
-    let tensor = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-    Inertia { mass, center_of_mass: center_of_mass.into(), tensor, rotor: 0.0 }
 }

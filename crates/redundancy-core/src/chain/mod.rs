@@ -13,9 +13,12 @@ mod builder;
 mod chain;
 mod collision;
 mod dh;
+mod entries;
 mod extend;
 mod fix;
 mod joint;
+mod published;
+mod units;
 mod windings;
 
 pub use builder::ChainBuilder;

@@ -16,7 +16,7 @@
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use super::newton::{End, Run};
+use super::newton::{NewtonRun, RunEnd};
 use super::sinusoid::{CostWeights, HalfAngle, Sinusoid};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
@@ -215,7 +215,7 @@ pub fn default_joint_weights(dof: usize) -> Vec<f64> {
 }
 
 /// Where the arm is while joints move one by one.
-struct State<'a> {
+struct DescentState<'a> {
     chain: &'a Chain,
     settings: &'a DescentSettings,
     target: Pose,
@@ -241,7 +241,7 @@ struct Best {
     slope: f64,
 }
 
-impl State<'_> {
+impl DescentState<'_> {
     /// Brings axes, pose and points up to date with `q`.
     fn refresh(&mut self) {
         let kinematics = self.chain.kinematics_unchecked(&self.q, &mut self.scratch);
@@ -367,7 +367,7 @@ impl State<'_> {
 
 /// A descent on one chain.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Descent<'a> {
+pub(super) struct JointDescent<'a> {
     pub chain: &'a Chain,
     pub method: DescentMethod,
     pub settings: &'a DescentSettings,
@@ -377,12 +377,18 @@ pub(super) struct Descent<'a> {
     pub tol_orientation: f64,
 }
 
-impl Descent<'_> {
+impl JointDescent<'_> {
     /// Improves `q` until it meets `target`, stops improving, or `cap` iterations are done. `seen` gets the cost and the
     /// errors before every iteration and at the end.
-    pub fn run(&self, target: &Pose, q: &mut [f64], cap: usize, mut seen: impl FnMut(f64, f64, f64)) -> Run {
+    pub fn run(
+        &self,
+        target: &Pose,
+        q: &mut [f64],
+        cap: usize,
+        mut seen: impl FnMut(f64, f64, f64),
+    ) -> NewtonRun {
         let n = q.len();
-        let mut state = State {
+        let mut state = DescentState {
             chain: self.chain,
             settings: self.settings,
             target: *target,
@@ -413,11 +419,11 @@ impl Descent<'_> {
             let cost = state.cost();
             seen(cost, position, orientation);
             let end = if arrived {
-                Some(End::Converged)
+                Some(RunEnd::Converged)
             } else if iterations >= cap {
-                Some(End::Capped)
+                Some(RunEnd::Capped)
             } else if before - cost <= DESCENT_STALL * cost.abs() && self.descends() {
-                Some(End::Stalled)
+                Some(RunEnd::Stalled)
             } else {
                 None
             };
@@ -425,57 +431,69 @@ impl Descent<'_> {
                 state.refresh();
                 let (position, orientation) = state.miss();
                 q.copy_from_slice(&state.q);
-                return Run { end, iterations, position, orientation, cost };
+                return NewtonRun { end, iterations, position, orientation, cost };
             }
             before = cost;
-            match self.method {
-                DescentMethod::CoordinateDescent => self.sweep(&mut state),
-                DescentMethod::GaussSouthwell | DescentMethod::GaussSouthwellRate => {
-                    let rate = self.method == DescentMethod::GaussSouthwellRate;
-                    let score = |b: &Best| match rate {
-                        true if b.psi != 0.0 => b.fall / b.psi.abs(),
-                        true => 0.0,
-                        false => b.fall,
-                    };
-                    let all = (0..n).map(|i| (i, state.best(i)));
-                    if let Some((i, best)) = all.max_by(|a, b| score(&a.1).total_cmp(&score(&b.1))) {
-                        state.turn(i, best.psi, true);
-                    }
-                    if iterations % REFRESH == REFRESH - 1 {
-                        state.refresh();
-                    }
+            self.iterate(&mut state, shares, iterations, cost, &mut length);
+            iterations += 1;
+        }
+    }
+
+    /// One iteration of the method; `length` is that of the last step along the gradient.
+    fn iterate(
+        &self,
+        state: &mut DescentState<'_>,
+        shares: &[f64],
+        iterations: usize,
+        cost: f64,
+        length: &mut f64,
+    ) {
+        match self.method {
+            DescentMethod::CoordinateDescent => self.sweep(state),
+            DescentMethod::GaussSouthwell | DescentMethod::GaussSouthwellRate => {
+                let rate = self.method == DescentMethod::GaussSouthwellRate;
+                let score = |b: &Best| match rate {
+                    true if b.psi != 0.0 => b.fall / b.psi.abs(),
+                    true => 0.0,
+                    false => b.fall,
+                };
+                let all = (0..state.q.len()).map(|i| (i, state.best(i)));
+                if let Some((i, best)) = all.max_by(|a, b| score(&a.1).total_cmp(&score(&b.1))) {
+                    state.turn(i, best.psi, true);
                 }
-                DescentMethod::WeightedDescent => {
-                    let steps: Vec<f64> = (0..n).map(|i| shares[i] * state.best(i).psi).collect();
-                    go(&mut state, &steps, 1.0);
+                if iterations % REFRESH == REFRESH - 1 {
+                    state.refresh();
                 }
-                DescentMethod::GradientEstimate => {
-                    let bests: Vec<Best> = (0..n).map(|i| state.best(i)).collect();
-                    match self.settings.gradient {
-                        GradientKind::Estimate => {
-                            let scale = bests.iter().fold(f64::INFINITY, |a, b| a.min(b.psi.abs()));
-                            let estimate = |b: &Best| if b.psi == 0.0 { 0.0 } else { b.fall / b.psi };
-                            let steps: Vec<f64> =
-                                bests.iter().zip(shares).map(|(b, w)| w * scale * estimate(b)).collect();
-                            go(&mut state, &steps, 1.0);
-                        }
-                        GradientKind::True => {
-                            // Joints at a limit that the gradient would take beyond it stay.
-                            let steps: Vec<f64> = bests
-                                .iter()
-                                .enumerate()
-                                .map(|(i, b)| {
-                                    let stuck = (b.slope < 0.0 && state.q[i] >= self.upper[i])
-                                        || (b.slope > 0.0 && state.q[i] <= self.lower[i]);
-                                    if stuck { 0.0 } else { -b.slope }
-                                })
-                                .collect();
-                            length = search(&mut state, &steps, cost, 2.0 * length);
-                        }
+            }
+            DescentMethod::WeightedDescent => {
+                let steps: Vec<f64> = (0..state.q.len()).map(|i| shares[i] * state.best(i).psi).collect();
+                go(state, &steps, 1.0);
+            }
+            DescentMethod::GradientEstimate => {
+                let bests: Vec<Best> = (0..state.q.len()).map(|i| state.best(i)).collect();
+                match self.settings.gradient {
+                    GradientKind::Estimate => {
+                        let scale = bests.iter().fold(f64::INFINITY, |a, b| a.min(b.psi.abs()));
+                        let estimate = |b: &Best| if b.psi == 0.0 { 0.0 } else { b.fall / b.psi };
+                        let steps: Vec<f64> =
+                            bests.iter().zip(shares).map(|(b, w)| w * scale * estimate(b)).collect();
+                        go(state, &steps, 1.0);
+                    }
+                    GradientKind::True => {
+                        // Joints at a limit that the gradient would take beyond it stay.
+                        let steps: Vec<f64> = bests
+                            .iter()
+                            .enumerate()
+                            .map(|(i, b)| {
+                                let stuck = (b.slope < 0.0 && state.q[i] >= self.upper[i])
+                                    || (b.slope > 0.0 && state.q[i] <= self.lower[i]);
+                                if stuck { 0.0 } else { -b.slope }
+                            })
+                            .collect();
+                        *length = search(state, &steps, cost, 2.0 * *length);
                     }
                 }
             }
-            iterations += 1;
         }
     }
 
@@ -488,7 +506,7 @@ impl Descent<'_> {
         }
     }
 
-    fn sweep(&self, state: &mut State<'_>) {
+    fn sweep(&self, state: &mut DescentState<'_>) {
         let n = state.q.len();
         let order = self.settings.order;
         if order != SweepOrder::BaseToTip {
@@ -509,7 +527,7 @@ impl Descent<'_> {
 }
 
 /// All joints at once.
-fn go(state: &mut State<'_>, steps: &[f64], length: f64) {
+fn go(state: &mut DescentState<'_>, steps: &[f64], length: f64) {
     for (i, step) in steps.iter().enumerate() {
         state.q[i] = (state.q[i] + length * step).clamp(state.lower[i], state.upper[i]);
     }
@@ -517,7 +535,7 @@ fn go(state: &mut State<'_>, steps: &[f64], length: f64) {
 }
 
 /// Halves the step until the cost falls by its share of what the slope promises; returns the length.
-fn search(state: &mut State<'_>, steps: &[f64], cost: f64, first: f64) -> f64 {
+fn search(state: &mut DescentState<'_>, steps: &[f64], cost: f64, first: f64) -> f64 {
     let promise: f64 = steps.iter().map(|s| s * s).sum();
     let from = state.q.clone();
     let mut length = first;

@@ -51,7 +51,7 @@ impl Workspace {
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum RunEnd {
     /// Within the tolerances.
     Converged,
     /// No further progress.
@@ -62,8 +62,8 @@ pub(super) enum End {
 
 /// Result of one run; the errors belong to the `q` that it leaves behind.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Run {
-    pub end: End,
+pub(super) struct NewtonRun {
+    pub end: RunEnd,
     pub iterations: usize,
     pub position: f64,
     pub orientation: f64,
@@ -73,7 +73,7 @@ pub(super) struct Run {
 
 /// The arm and how well it is to be solved.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Problem<'a> {
+pub(super) struct NewtonProblem<'a> {
     pub chain: &'a Chain,
     pub lower: &'a [f64],
     pub upper: &'a [f64],
@@ -81,12 +81,19 @@ pub(super) struct Problem<'a> {
     pub tol_orientation: f64,
 }
 
-impl Problem<'_> {
+impl NewtonProblem<'_> {
     /// Improves `q`, which must be within the limits, until it meets the goal, stops improving, or `cap` steps are done.
     ///
     /// With `patient` it gives up only where no step improves the cost by a relative [`IK_STATIONARY`], otherwise already where the
     /// cost has not fallen by half in four steps: other starts are cheaper than slow convergence.
-    pub fn run(&self, goal: &Goal, q: &mut [f64], memory: &mut Workspace, cap: usize, patient: bool) -> Run {
+    pub fn run(
+        &self,
+        goal: &Goal,
+        q: &mut [f64],
+        memory: &mut Workspace,
+        cap: usize,
+        patient: bool,
+    ) -> NewtonRun {
         let Workspace { scratch, columns, rows, step, held, previous } = memory;
         let mut history = [f64::INFINITY; WINDOW];
         let (mut boost, mut last, mut refused) = (1.0, f64::INFINITY, 0);
@@ -105,26 +112,26 @@ impl Problem<'_> {
                 let kinematics = self.chain.kinematics_unchecked(q, scratch);
                 let error = goal.error(&kinematics, columns, rows);
                 if refused == REFUSED || iterations >= cap {
-                    let end = if refused == REFUSED { End::Stalled } else { End::Capped };
+                    let end = if refused == REFUSED { RunEnd::Stalled } else { RunEnd::Capped };
                     let (position, orientation) = (error.position, error.orientation);
-                    return Run { end, iterations, position, orientation, cost: last };
+                    return NewtonRun { end, iterations, position, orientation, cost: last };
                 }
                 self.step(&kinematics, columns, &error.e, boost * last, q, step, held, goal);
                 iterations += 1;
                 continue;
             }
             let end = if converged {
-                Some(End::Converged)
+                Some(RunEnd::Converged)
             } else if cost.is_nan() || cost > stall * history[accepted % WINDOW] {
-                Some(End::Stalled)
+                Some(RunEnd::Stalled)
             } else if iterations >= cap {
-                Some(End::Capped)
+                Some(RunEnd::Capped)
             } else {
                 None
             };
             if let Some(end) = end {
                 let (position, orientation) = (error.position, error.orientation);
-                return Run { end, iterations, position, orientation, cost };
+                return NewtonRun { end, iterations, position, orientation, cost };
             }
             history[accepted % WINDOW] = cost;
             accepted += 1;

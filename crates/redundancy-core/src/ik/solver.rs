@@ -17,9 +17,9 @@ use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::descent::{Descent, DescentMethod, DescentSettings};
+use super::descent::{DescentMethod, DescentSettings, JointDescent};
 use super::goal::{Goal, OrientationSet};
-use super::newton::{End, Problem, Run, Workspace};
+use super::newton::{NewtonProblem, NewtonRun, RunEnd, Workspace};
 use super::starts::{Starts, ranges};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
@@ -297,16 +297,47 @@ pub struct IkMemory {
 }
 
 /// Progress over several starts.
-struct Search {
-    best: Run,
+struct StartSearch {
+    best: NewtonRun,
     iterations: usize,
     capped: bool,
     deadline: Option<Instant>,
-    /// Starts left.
-    starts: usize,
+    /// Starts left, and starts made.
+    left: usize,
+    count: usize,
+    /// The target that starts are ranked by, and its azimuth once they have been.
+    near: Pose,
+    azimuth: Option<f64>,
+    seed: u64,
+    rng: Option<ChaCha8Rng>,
+    /// Cost from which the last patient run began.
+    polished: f64,
 }
 
-impl Search {
+impl StartSearch {
+    fn new(settings: &IkSettings, near: Pose, seed: u64) -> Self {
+        let nothing = NewtonRun {
+            end: RunEnd::Stalled,
+            iterations: 0,
+            position: f64::INFINITY,
+            orientation: f64::INFINITY,
+            cost: f64::INFINITY,
+        };
+        Self {
+            best: nothing,
+            iterations: 0,
+            capped: false,
+            deadline: settings.time_limit.map(|limit| Instant::now() + Duration::from_secs_f64(limit)),
+            left: settings.restarts + 1,
+            count: 0,
+            near,
+            azimuth: None,
+            seed,
+            rng: None,
+            polished: f64::INFINITY,
+        }
+    }
+
     /// Why to stop, if there is a reason.
     fn over(&self, settings: &IkSettings) -> Option<Status> {
         if self.iterations >= settings.max_iterations {
@@ -411,7 +442,7 @@ impl IkSolver {
         let Inner { chain, settings, closed, .. } = &*self.inner;
         let set = settings.orientation_set.as_ref();
         let goal = Goal { target: *pose, task: settings.task, set, scale: IK_RADIANS_PER_METRE };
-        let problem = Problem {
+        let problem = NewtonProblem {
             chain,
             lower: chain.lower(),
             upper: chain.upper(),
@@ -424,11 +455,11 @@ impl IkSolver {
             let status = form.select(pose, q0, settings.criterion.as_deref(), &mut result.q);
             if status != Status::Converged {
                 known = Some(status);
-                result.proven = form.exact();
+                result.proven = form.proves(pose);
             } else {
                 let run = problem.run(&goal, &mut result.q, &mut memory.work, RUN, true);
                 report(result, &run, Status::Converged);
-                if run.end == End::Converged {
+                if run.end == RunEnd::Converged {
                     result.proven = true;
                     return;
                 }
@@ -441,9 +472,9 @@ impl IkSolver {
         }
     }
 
-    fn descent(&self, method: DescentMethod) -> Descent<'_> {
+    fn descent(&self, method: DescentMethod) -> JointDescent<'_> {
         let Inner { chain, settings, .. } = &*self.inner;
-        Descent {
+        JointDescent {
             chain,
             method,
             settings: &settings.descent,
@@ -478,7 +509,7 @@ impl IkSolver {
             _ => {
                 let set = settings.orientation_set.as_ref();
                 let goal = Goal { target: *pose, task: settings.task, set, scale: IK_RADIANS_PER_METRE };
-                let problem = Problem {
+                let problem = NewtonProblem {
                     chain,
                     lower: chain.lower(),
                     upper: chain.upper(),
@@ -493,7 +524,7 @@ impl IkSolver {
                     let value =
                         weights.position * run.position.powi(2) + weights.orientation * 8.0 * half * half;
                     seen(value, run.position, run.orientation);
-                    if run.end == End::Converged {
+                    if run.end == RunEnd::Converged {
                         break;
                     }
                 }
@@ -506,7 +537,7 @@ impl IkSolver {
     /// looked for.
     fn search(
         &self,
-        problem: &Problem<'_>,
+        problem: &NewtonProblem<'_>,
         goal: &Goal<'_>,
         q0: Option<&[f64]>,
         seed: u64,
@@ -514,56 +545,13 @@ impl IkSolver {
         memory: &mut IkMemory,
         result: &mut IkResult,
     ) {
-        let Inner { chain, settings, starts, unlimited, .. } = &*self.inner;
-        let nothing = Run {
-            end: End::Stalled,
-            iterations: 0,
-            position: f64::INFINITY,
-            orientation: f64::INFINITY,
-            cost: f64::INFINITY,
-        };
-        let deadline = settings.time_limit.map(|limit| Instant::now() + Duration::from_secs_f64(limit));
-        let mut search =
-            Search { best: nothing, iterations: 0, capped: false, deadline, starts: settings.restarts + 1 };
-        let mut stopped = None;
-        let ranked = if settings.method == IkMethod::Hybrid { RANKED } else { 0 };
+        let Inner { settings, .. } = &*self.inner;
+        let mut search = StartSearch::new(settings, nominal(goal), seed);
         let descends = matches!(settings.method, IkMethod::Descent(_));
-        let near = nominal(goal);
-        let mut azimuth = None;
-        let mut count = 0;
-        // The given start, ranked ones, the best of them with patience, random ones.
-        let mut rng = None;
-        let mut polished = f64::INFINITY;
-        while search.starts > 0 {
-            let mut patient = false;
-            let first = count == 0;
-            count += 1;
-            if let (true, Some(q0)) = (first, q0) {
-                for (q, (x, (lo, hi))) in
-                    memory.q.iter_mut().zip(q0.iter().zip(chain.lower().iter().zip(chain.upper())))
-                {
-                    *q = x.clamp(*lo, *hi);
-                }
-            } else if count <= ranked {
-                let angle = *azimuth.get_or_insert_with(|| starts.score(&near, &mut memory.scores));
-                // Entries whose end joints the limits forbid wait for later, unless there is nothing else.
-                for _ in 0..RANKED {
-                    let entry = starts.take_best(&mut memory.scores);
-                    if starts.write(chain, entry, &near, angle, &mut memory.q) {
-                        break;
-                    }
-                }
-            } else if search.best.cost < polished && !descends && count > 1 {
-                patient = true;
-                polished = search.best.cost;
-                memory.q.copy_from_slice(&result.q);
-            } else {
-                let rng = rng.get_or_insert_with(|| ChaCha8Rng::seed_from_u64(seed));
-                for (q, [lo, hi]) in memory.q.iter_mut().zip(ranges(chain)) {
-                    *q = lo + (hi - lo) * rng.random::<f64>();
-                }
-            }
-            search.starts -= 1;
+        let mut stopped = None;
+        while search.left > 0 {
+            let patient = self.next_start(&mut search, q0, &result.q, memory);
+            search.left -= 1;
             let left = settings.max_iterations - search.iterations;
             let run = match settings.method {
                 IkMethod::Descent(method) => {
@@ -572,12 +560,12 @@ impl IkSolver {
                 _ => problem.run(goal, &mut memory.q, &mut memory.work, RUN.min(left), patient),
             };
             search.iterations += run.iterations;
-            search.capped |= run.end == End::Capped;
-            if run.cost < search.best.cost || run.end == End::Converged {
+            search.capped |= run.end == RunEnd::Capped;
+            if run.cost < search.best.cost || run.end == RunEnd::Converged {
                 search.best = run;
                 result.q.copy_from_slice(&memory.q);
             }
-            if run.end == End::Converged {
+            if run.end == RunEnd::Converged {
                 break;
             }
             stopped = search.over(settings);
@@ -585,9 +573,9 @@ impl IkSolver {
                 break;
             }
         }
-        // Whoever is out of starts without patience gets it once.
-        let arrived = search.best.end == End::Converged;
-        if stopped.is_none() && !arrived && !descends && search.best.cost < polished {
+        // If the starts ran out before a patient run, do one from the best start.
+        let arrived = search.best.end == RunEnd::Converged;
+        if stopped.is_none() && !arrived && !descends && search.best.cost < search.polished {
             memory.q.copy_from_slice(&result.q);
             let run = problem.run(goal, &mut memory.q, &mut memory.work, RUN, true);
             search.iterations += run.iterations;
@@ -597,33 +585,94 @@ impl IkSolver {
             }
         }
         result.iterations += search.iterations;
-        result.starts = count;
-        let status = if search.best.end == End::Converged {
+        result.starts = search.count;
+        let status = if search.best.end == RunEnd::Converged {
             Status::Converged
         } else if let Some(status) = known.or(stopped) {
             status
-        } else if search.best.end == End::Capped {
+        } else if search.best.end == RunEnd::Capped {
             Status::IterationLimit
+        } else if self.reached_without_limits(problem, goal, &search.near, memory) {
+            Status::Limits
         } else {
-            // In reach without the limits?
-            let free = Problem { lower: &unlimited.0, upper: &unlimited.1, ..*problem };
-            let angle = starts.score(&near, &mut memory.scores);
-            let reached = (0..UNLIMITED).any(|_| {
-                let entry = starts.take_best(&mut memory.scores);
-                starts.write(chain, entry, &near, angle, &mut memory.q);
-                free.run(goal, &mut memory.q, &mut memory.work, RUN, true).end == End::Converged
-            });
-            if reached { Status::Limits } else { Status::Unreachable }
+            Status::Unreachable
         };
         report(result, &search.best, status);
     }
 
+    /// Writes the next start to `memory.q`: the given one, ranked ones, the best of them with patience, random ones. True
+    /// when the run is to be patient.
+    fn next_start(
+        &self,
+        search: &mut StartSearch,
+        q0: Option<&[f64]>,
+        best: &[f64],
+        memory: &mut IkMemory,
+    ) -> bool {
+        let Inner { chain, settings, starts, .. } = &*self.inner;
+        let ranked = if settings.method == IkMethod::Hybrid { RANKED } else { 0 };
+        let descends = matches!(settings.method, IkMethod::Descent(_));
+        let first = search.count == 0;
+        search.count += 1;
+        if let (true, Some(q0)) = (first, q0) {
+            let limits = chain.lower().iter().zip(chain.upper());
+            for (q, (x, (lo, hi))) in memory.q.iter_mut().zip(q0.iter().zip(limits)) {
+                *q = x.clamp(*lo, *hi);
+            }
+        } else if search.count <= ranked {
+            let near = &search.near;
+            let angle = *search.azimuth.get_or_insert_with(|| starts.score(near, &mut memory.scores));
+            // Entries whose end joints the limits forbid wait for later, unless there is nothing else.
+            for _ in 0..RANKED {
+                let entry = starts.take_best(&mut memory.scores);
+                if starts.write(chain, entry, near, angle, &mut memory.q) {
+                    break;
+                }
+            }
+        } else if search.best.cost < search.polished && !descends && search.count > 1 {
+            search.polished = search.best.cost;
+            memory.q.copy_from_slice(best);
+            return true;
+        } else {
+            let seed = search.seed;
+            let rng = search.rng.get_or_insert_with(|| ChaCha8Rng::seed_from_u64(seed));
+            for (q, [lo, hi]) in memory.q.iter_mut().zip(ranges(chain)) {
+                *q = lo + (hi - lo) * rng.random::<f64>();
+            }
+        }
+        false
+    }
+
+    /// Whether the target is found in reach when no joint has limits.
+    fn reached_without_limits(
+        &self,
+        problem: &NewtonProblem<'_>,
+        goal: &Goal<'_>,
+        near: &Pose,
+        memory: &mut IkMemory,
+    ) -> bool {
+        let Inner { chain, starts, unlimited, .. } = &*self.inner;
+        let free = NewtonProblem { lower: &unlimited.0, upper: &unlimited.1, ..*problem };
+        let angle = starts.score(near, &mut memory.scores);
+        (0..UNLIMITED).any(|_| {
+            let entry = starts.take_best(&mut memory.scores);
+            starts.write(chain, entry, near, angle, &mut memory.q);
+            free.run(goal, &mut memory.q, &mut memory.work, RUN, true).end == RunEnd::Converged
+        })
+    }
+
     /// Moves `result.q` along the null space of the task until the criterion is stationary, or a limit stops it.
-    fn improve(&self, problem: &Problem<'_>, goal: &Goal<'_>, memory: &mut IkMemory, result: &mut IkResult) {
+    fn improve(
+        &self,
+        problem: &NewtonProblem<'_>,
+        goal: &Goal<'_>,
+        memory: &mut IkMemory,
+        result: &mut IkResult,
+    ) {
         let Some(criterion) = self.inner.settings.criterion.as_deref() else { return };
         let sign = criterion.sense().sign();
         // What is left of the tolerance would hide small gains.
-        let exact = Problem {
+        let exact = NewtonProblem {
             tol_position: IK_CRITERION_SHARE * problem.tol_position,
             tol_orientation: IK_CRITERION_SHARE * problem.tol_orientation,
             ..*problem
@@ -684,7 +733,7 @@ fn nominal(goal: &Goal<'_>) -> Pose {
     pose
 }
 
-fn report(result: &mut IkResult, run: &Run, status: Status) {
+fn report(result: &mut IkResult, run: &NewtonRun, status: Status) {
     (result.position_error, result.orientation_error) = (run.position, run.orientation);
     result.status = status;
 }

@@ -1,8 +1,10 @@
 //! Newton's method onto the configurations over one task value, for any chain and any task.
 //!
-//! One step is the shortest joint motion that removes the linearised error, `dq = J^+ (x - f(q))` [AllgowerGeorg1990, ch. 6], from
-//! the Householder factors of J in [`NullSpace`]; these also give the tangents of the self-motion. The damped step
-//! `dq = J^T (J J^T + damping^2 I)^-1 (x - f(q))` stays short near singular configurations and serves far from the target.
+//! One step is the shortest joint motion that removes the linearised error, `dq = J^+ (x - f(q))` [AllgowerGeorg1990, ch. 6]. Where J is
+//! far from singular it comes from the normal equations, `dq = J^T (J J^T)^-1 (x - f(q))`, which cost half as much as the Householder
+//! factors of J in [`NullSpace`]; those are made near singular configurations, and where tangents of the self-motion are asked for.
+//! The damped step `dq = J^T (J J^T + damping^2 I)^-1 (x - f(q))` stays short near singular configurations and serves far from
+//! the target.
 //!
 //! Beside the task, up to [`MOST_COORDINATES`] linear coordinates of the joints may be held, `c_k . q = w_k`: a joint that is
 //! fixed (c a unit vector) or a spare coordinate that describes a self-motion. Their rows stand below those of the task, and the
@@ -11,8 +13,7 @@
 //! `pose_rpy` is corrected as `pose`: the same configurations, in coordinates without a singularity of their own. All angles of an
 //! error are taken along the shortest arc. Joints are never wound: `q` changes continuously.
 //!
-//! Cost: one pass of kinematics, one factorisation per step, about 0.6 us for seven joints and a pose. Nothing is allocated
-//! after [`Corrector::new`].
+//! Cost: one pass of kinematics and one small linear system per step. Nothing is allocated after [`Corrector::new`].
 
 use nalgebra::DMatrix;
 
@@ -21,7 +22,7 @@ use super::{Kinematics, NullSpace, Scratch, Task, TaskError, TaskKind};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
 use crate::pose::Pose;
-use crate::tolerance::TRACE_ONE_STEP;
+use crate::tolerance::{NORMAL_EQUATIONS, TRACE_ONE_STEP};
 
 /// Most linear coordinates that a [`Corrector`] holds beside its task.
 pub const MOST_COORDINATES: usize = 6;
@@ -52,7 +53,7 @@ pub struct CorrectorSettings {
     pub last_step: f64,
     /// Done after the step from a point whose error had no coordinate above this, for the same reason.
     pub last_error: f64,
-    /// Ratio of the pivots of J below which a point is singular and the correction fails.
+    /// Rooted ratio of the pivots of `J J^T` below which a point is singular and the correction fails; 0 for none.
     pub singular: f64,
     /// Farthest that a joint may go from where it started; infinity for no bound.
     pub travel: f64,
@@ -74,6 +75,14 @@ impl CorrectorSettings {
 
     /// For any `q`: 80 steps, shortened to half a radian.
     pub const FAR: Self = Self { steps: 80, bound: StepBound::Length(0.5), strict: false, ..Self::near(0.5) };
+}
+
+/// What [`NullSpace`] knows of the last Jacobian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Factors {
+    None,
+    Reduced,
+    Basis,
 }
 
 /// Newton's method onto the configurations of one chain over one task value. Memory is allocated once.
@@ -103,7 +112,7 @@ pub struct Corrector {
     /// Target minus value, m numbers.
     residual: Vec<f64>,
     null: NullSpace,
-    basis_formed: bool,
+    factors: Factors,
     step: Vec<f64>,
     start: Vec<f64>,
 }
@@ -153,7 +162,7 @@ impl Corrector {
             jacobian: vec![0.0; m * n],
             residual: vec![0.0; m],
             null: NullSpace::new(m, n),
-            basis_formed: false,
+            factors: Factors::None,
             step: vec![0.0; n],
             start: vec![0.0; n],
         })
@@ -186,6 +195,21 @@ impl Corrector {
         }
     }
 
+    /// Holds linear coordinate `k`, `row . q`, at `value`. Rows are counted from 0; one beyond their number is ignored, as are entries
+    /// beyond a row's length.
+    pub fn hold(&mut self, k: usize, row: &[f64], value: f64) {
+        let n = self.step.len();
+        if let (Some(own), Some(at)) = (self.rows.chunks_exact_mut(n).nth(k), self.values.get_mut(k)) {
+            own.iter_mut().zip(row).for_each(|(own, c)| *own = *c);
+            *at = value;
+        }
+    }
+
+    /// The Jacobian `(m, n)` of task and held coordinates, column by column, at the last `q` that was evaluated.
+    pub fn jacobian(&self) -> &[f64] {
+        &self.jacobian
+    }
+
     /// Pose, Jacobian and axes at the last `q` that was evaluated.
     pub fn kinematics(&self) -> Kinematics<'_> {
         Kinematics::new(&self.scratch)
@@ -209,15 +233,7 @@ impl Corrector {
         if !self.values.is_empty() {
             self.append_rows(q);
         }
-        &self.residual
-    }
-
-    /// [`evaluate`](Self::evaluate), and the factors of the Jacobian.
-    #[inline]
-    pub fn linearise(&mut self, q: &[f64]) -> &[f64] {
-        self.evaluate(q);
-        self.null.reduce(&self.jacobian);
-        self.basis_formed = false;
+        self.factors = Factors::None;
         &self.residual
     }
 
@@ -240,39 +256,67 @@ impl Corrector {
     /// One Newton step from `q`; its size before the bound, in the measure of the bound.
     #[inline]
     pub fn step(&mut self, q: &mut [f64], bound: StepBound) -> f64 {
-        self.linearise(q);
-        self.null.shortest(&self.residual, &mut self.step);
+        self.least_norm(q);
         self.advance(q, bound)
+    }
+
+    /// Evaluates `q` and prepares the step; how regular J is there, see [`CorrectorSettings::singular`].
+    #[inline]
+    fn least_norm(&mut self, q: &[f64]) -> f64 {
+        self.evaluate(q);
+        let regular = self.by_normal_equations(0.0);
+        if regular < NORMAL_EQUATIONS {
+            self.reduce();
+            self.null.shortest(&self.residual, &mut self.step);
+        }
+        regular
     }
 
     /// One damped step from the `q` that was evaluated last, `damping > 0` in the units of the singular values of J; its size
     /// before the bound, in the measure of the bound.
     pub fn damped_step(&mut self, q: &mut [f64], damping: f64, bound: StepBound) -> f64 {
-        let mu = damping * damping;
-        let m = self.residual.len();
-        if m <= 6 {
-            self.damp::<6>(mu)
-        } else {
-            self.damp::<PADDED>(mu)
-        }
+        self.by_normal_equations(damping * damping);
         self.advance(q, bound)
     }
 
-    /// The damped step by normal equations padded to M rows.
+    #[inline]
+    fn by_normal_equations(&mut self, mu: f64) -> f64 {
+        match self.residual.len() {
+            6 => self.normal_step::<6>(mu),
+            5 => self.normal_step::<5>(mu),
+            2 | 3 => self.normal_step::<3>(mu),
+            7 => self.normal_step::<7>(mu),
+            _ => self.normal_step::<PADDED>(mu),
+        }
+    }
+
+    /// The step by `(J J^T + mu I) y = e`, with rows of zeros up to M; the rooted ratio of the least pivot to the largest.
     #[inline(always)]
-    fn damp<const M: usize>(&mut self, mu: f64) {
+    fn normal_step<const M: usize>(&mut self, mu: f64) -> f64 {
         let m = self.residual.len();
-        let padded = |column: &[f64]| {
-            let mut out = [0.0; M];
-            out[..m].copy_from_slice(column);
-            out
+        let padded = |column: &[f64]| -> [f64; M] {
+            // Whole columns are copied as such.
+            column
+                .try_into()
+                .unwrap_or_else(|_| std::array::from_fn(|i| column.get(i).copied().unwrap_or(0.0)))
         };
-        let mut a = normal_matrix(self.jacobian.chunks_exact(m.max(1)).map(padded), mu);
+        let mut a = normal_matrix(self.jacobian.chunks_exact(m).map(padded), mu);
+        for i in m..M {
+            a[i][i] = 1.0;
+        }
         factor(&mut a);
         let y = solve(&a, &padded(&self.residual));
-        for (out, column) in self.step.iter_mut().zip(self.jacobian.chunks_exact(m.max(1))) {
+        for (out, column) in self.step.iter_mut().zip(self.jacobian.chunks_exact(m)) {
             *out = column.iter().zip(&y).map(|(c, y)| c * y).sum();
         }
+        // The diagonal holds the inverse pivots.
+        let (mut least, mut most) = (f64::INFINITY, 0.0);
+        for (i, row) in a.iter().enumerate().take(m) {
+            least = if row[i] < least { row[i] } else { least };
+            most = if row[i] > most || row[i].is_nan() { row[i] } else { most };
+        }
+        let ratio = (least / most).sqrt();
+        if ratio.is_nan() { 0.0 } else { ratio }
     }
 
     /// Adds the step, shortened to the bound; its size before that.
@@ -291,7 +335,7 @@ impl Corrector {
 
     /// Moves `q` onto the task value (and the held coordinates): whether it got there. Otherwise `q` is where it was given up.
     ///
-    /// Afterwards the factors are those at the point before the last step.
+    /// Afterwards tangents are those at the point before the last step.
     #[inline]
     pub fn solve(&mut self, q: &mut [f64], settings: &CorrectorSettings) -> bool {
         let bounded = settings.travel < f64::INFINITY;
@@ -300,10 +344,11 @@ impl Corrector {
         }
         let (StepBound::Length(most) | StepBound::Joint(most)) = settings.bound;
         for _ in 0..settings.steps {
-            let size = self.step(q, settings.bound);
-            if settings.singular > 0.0 && self.null.pivot_ratio() < settings.singular {
+            let regular = self.least_norm(q);
+            if regular < settings.singular {
                 return false;
             }
+            let size = self.advance(q, settings.bound);
             if bounded && self.start.iter().zip(&*q).any(|(a, b)| (b - a).abs() > settings.travel) {
                 return false;
             }
@@ -329,23 +374,41 @@ impl Corrector {
 
     /// Brings any `q` to the task value, see [`CorrectorSettings::FAR`]: false where that fails.
     pub fn reach(&mut self, q: &mut [f64]) -> bool {
-        self.solve(q, &CorrectorSettings::FAR) && self.null.pivot_ratio() > 0.0
+        self.solve(q, &CorrectorSettings::FAR) && self.pivot_ratio() > 0.0
     }
 
-    /// Smallest over largest pivot of the last Jacobian: between the ratio of its singular values and a small multiple of it.
-    pub fn pivot_ratio(&self) -> f64 {
+    /// Factors the last Jacobian, if that has not been done.
+    #[inline]
+    fn reduce(&mut self) {
+        if self.factors == Factors::None {
+            self.null.reduce(&self.jacobian);
+            self.factors = Factors::Reduced;
+        }
+    }
+
+    /// Smallest over largest pivot of the Jacobian at the last `q` that was evaluated: between the ratio of its singular values and
+    /// a small multiple of it.
+    pub fn pivot_ratio(&mut self) -> f64 {
+        self.reduce();
         self.null.pivot_ratio()
     }
 
-    /// Orthonormal basis `(n, n - m)` of the motions that leave the task as it is, at the last `q` that was linearised. For one
+    /// Factors of the Jacobian at the last `q` that was evaluated: null space, multipliers, singular values.
+    #[inline]
+    pub fn null_space(&mut self) -> &mut NullSpace {
+        self.reduce();
+        if self.factors != Factors::Basis {
+            self.null.form_basis();
+            self.factors = Factors::Basis;
+        }
+        &mut self.null
+    }
+
+    /// Orthonormal basis `(n, n - m)` of the motions that leave the task as it is, at the last `q` that was evaluated. For one
     /// freedom its sign is that of `det [J; t] > 0`.
     #[inline]
     pub fn basis(&mut self) -> &DMatrix<f64> {
-        if !self.basis_formed {
-            self.null.form_basis();
-            self.basis_formed = true;
-        }
-        self.null.basis()
+        self.null_space().basis()
     }
 
     /// The columns of [`basis`](Self::basis) one after the other; for one freedom the unit tangent.
@@ -356,19 +419,14 @@ impl Corrector {
 
     /// [`tangent`](Self::tangent) at exactly `q`.
     pub fn tangent_at(&mut self, q: &[f64]) -> &[f64] {
-        self.linearise(q);
+        self.evaluate(q);
         self.tangent()
     }
 
-    /// Factors of the last Jacobian, with their basis: multipliers, singular values.
-    pub fn null_space(&mut self) -> &mut NullSpace {
-        self.basis();
-        &mut self.null
-    }
-
-    /// The shortest joint motion (n) with the velocity `v` (m) of task and held coordinates, at the last `q` that was linearised.
+    /// The shortest joint motion (n) with the velocity `v` (m) of task and held coordinates, at the last `q` that was evaluated.
     #[inline]
-    pub fn shortest(&self, v: &[f64], out: &mut [f64]) {
+    pub fn shortest(&mut self, v: &[f64], out: &mut [f64]) {
+        self.reduce();
         self.null.shortest(v, out);
     }
 }

@@ -9,16 +9,25 @@
 //! through folds too, and it changes where the curve passes straight through a singular configuration.
 
 use nalgebra::DMatrix;
+use wide::f64x4;
 
 use crate::tolerance::ORTHOGONAL;
 
 /// Memory for the factors of one `(m, n)` Jacobian, `m <= n`.
+///
+/// Rows of n numbers are padded with zeros to a multiple of four, so that loops over them work on whole vectors.
 #[derive(Debug, Clone)]
 pub struct NullSpace {
     m: usize,
     n: usize,
-    /// Columns of `J^T P`, n entries each: above the diagonal R, from the diagonal on the reflections.
+    /// n, padded.
+    stride: usize,
+    /// Columns of `J^T P`, padded: above the diagonal R; what is left of them below does not count.
     columns: Vec<f64>,
+    /// The vector v of each reflection, padded; zero above the diagonal.
+    reflections: Vec<f64>,
+    /// By reflection: 1 from its diagonal on, 0 above.
+    masks: Vec<f64>,
     /// `2 / |v|^2` of each reflection; 0 where it is the identity.
     scale: Vec<f64>,
     diagonal: Vec<f64>,
@@ -31,19 +40,27 @@ pub struct NullSpace {
     positive: bool,
 }
 
+/// The stride of five to eight joints, for which there is a version in which the compiler knows the lengths of the loops.
+const EIGHT: usize = 8;
+
 impl NullSpace {
     /// Memory for Jacobians of `m` rows and `n` columns; rows beyond the n-th are ignored.
     pub fn new(m: usize, n: usize) -> Self {
         let m = m.min(n);
+        let stride = n.next_multiple_of(4).max(4);
+        let mask = |k: usize| (0..stride).map(move |j| if j >= k { 1.0 } else { 0.0 });
         Self {
             m,
             n,
-            columns: vec![0.0; m * n],
+            stride,
+            columns: vec![0.0; m * stride],
+            reflections: vec![0.0; m * stride],
+            masks: (0..m).flat_map(mask).collect(),
             scale: vec![0.0; m],
             diagonal: vec![0.0; m],
             order: (0..m).collect(),
             basis: DMatrix::zeros(n, n - m),
-            work: vec![0.0; n],
+            work: vec![0.0; stride],
             triangle: vec![0.0; m * m],
             positive: true,
         }
@@ -66,78 +83,84 @@ impl NullSpace {
     /// [`factor`](Self::factor) without the basis, which [`form_basis`](Self::form_basis) makes afterwards.
     #[inline]
     pub(super) fn reduce(&mut self, jacobian: &[f64]) {
-        // Specialised for 6x7 so that the compiler can unroll.
-        match (self.m, self.n) {
-            (6, 7) => self.reduce_sized(jacobian, 6, 7),
-            (m, n) => self.reduce_sized(jacobian, m, n),
-        }
-    }
-
-    /// The basis of the kernel of the Jacobian that was reduced last.
-    #[inline]
-    pub(super) fn form_basis(&mut self) {
-        match (self.m, self.n) {
-            (6, 7) => self.form_basis_sized(6, 7),
-            (m, n) => self.form_basis_sized(m, n),
+        match (self.m, self.stride) {
+            (6, EIGHT) => self.reduce_sized(jacobian, 6, EIGHT),
+            (m, EIGHT) => self.reduce_sized(jacobian, m, EIGHT),
+            (m, stride) => self.reduce_sized(jacobian, m, stride),
         }
     }
 
     #[inline(always)]
-    fn reduce_sized(&mut self, jacobian: &[f64], m: usize, n: usize) {
-        let columns = &mut self.columns[..m * n];
-        columns.fill(0.0);
-        for (j, column) in jacobian.chunks_exact(m.max(1)).take(n).enumerate() {
-            for (i, entry) in column.iter().enumerate() {
-                columns[i * n + j] = *entry;
+    fn reduce_sized(&mut self, jacobian: &[f64], m: usize, stride: usize) {
+        let columns = &mut self.columns[..m * stride];
+        if jacobian.len() < m * self.n {
+            columns.fill(0.0);
+        }
+        for (j, column) in jacobian.chunks_exact(m.max(1)).take(self.n).enumerate() {
+            for (row, entry) in columns.chunks_exact_mut(stride).zip(column) {
+                row[j] = *entry;
             }
         }
         let mut positive = m.is_multiple_of(2);
         for (i, order) in self.order.iter_mut().enumerate() {
             *order = i;
         }
-        for k in 0..m {
-            let mut pivot = (k, squared(&columns[k * n + k..(k + 1) * n]));
-            for i in k + 1..m {
-                let norm = squared(&columns[i * n + k..(i + 1) * n]);
-                if norm > pivot.1 {
-                    pivot = (i, norm);
+        let masks = self.masks[..m * stride].chunks_exact(stride);
+        let reflections = self.reflections[..m * stride].chunks_exact_mut(stride);
+        for (k, (mask, v)) in masks.zip(reflections).enumerate() {
+            let (mut p, mut square) = (k, 0.0);
+            for (i, row) in (k..).zip(columns[k * stride..].chunks_exact(stride)) {
+                let next = masked_square(row, mask);
+                if next > square {
+                    (p, square) = (i, next);
                 }
             }
-            let (p, norm) = (pivot.0, pivot.1.sqrt());
+            let norm = square.sqrt();
             if p != k {
-                let (front, back) = columns.split_at_mut(p * n);
-                front[k * n..(k + 1) * n].swap_with_slice(&mut back[..n]);
+                let (front, back) = columns.split_at_mut(p * stride);
+                front[k * stride..(k + 1) * stride].swap_with_slice(&mut back[..stride]);
                 self.order.swap(k, p);
                 positive = !positive;
             }
-            let (front, rest) = columns.split_at_mut((k + 1) * n);
-            let v = &mut front[k * n + k..];
+            let (front, rest) = columns.split_at_mut((k + 1) * stride);
+            let row = &front[k * stride..];
+            for ((v, x), mask) in v.iter_mut().zip(row).zip(mask) {
+                *v = x * mask;
+            }
             // The reflection maps the column to -sign(v0) |v| e0.
-            let diagonal = if v[0] > 0.0 { -norm } else { norm };
-            v[0] -= diagonal;
-            let length = squared(v);
-            self.diagonal[k] = diagonal;
-            self.scale[k] = if length > 0.0 { 2.0 / length } else { 0.0 };
+            let first = row[k];
+            let diagonal = if first > 0.0 { -norm } else { norm };
+            v[k] = first - diagonal;
+            let length = 2.0 * norm * (norm + first.abs());
+            let scale = if length > 0.0 { 2.0 / length } else { 0.0 };
+            (self.diagonal[k], self.scale[k]) = (diagonal, scale);
             // A column of zeros is not reflected: one sign less in det Q.
             positive ^= (diagonal < 0.0) ^ (length == 0.0);
-            for other in rest.chunks_exact_mut(n) {
-                reflect(v, self.scale[k], &mut other[k..]);
+            for other in rest.chunks_exact_mut(stride) {
+                reflect(v, scale, other);
             }
         }
         self.positive = positive;
     }
 
-    #[inline(always)]
-    fn form_basis_sized(&mut self, m: usize, n: usize) {
-        let columns = &self.columns[..m * n];
+    /// The basis of the kernel of the Jacobian that was reduced last.
+    #[inline]
+    pub(super) fn form_basis(&mut self) {
+        let (m, n) = (self.m, self.n);
         for c in 0..n - m {
-            let mut column = self.basis.column_mut(c);
-            column.fill(0.0);
-            column[m + c] = if n - m == 1 && !self.positive { -1.0 } else { 1.0 };
-            let column = column.as_mut_slice();
-            for k in (0..m).rev() {
-                reflect(&columns[k * n + k..(k + 1) * n], self.scale[k], &mut column[k..]);
-            }
+            self.work.fill(0.0);
+            self.work[m + c] = if n - m == 1 && !self.positive { -1.0 } else { 1.0 };
+            self.reflect_work();
+            self.basis.column_mut(c).as_mut_slice().copy_from_slice(&self.work[..n]);
+        }
+    }
+
+    /// Applies Q to the work row: the last reflection first.
+    #[inline(always)]
+    fn reflect_work(&mut self) {
+        match self.stride {
+            EIGHT => apply(&self.reflections, EIGHT, &self.scale, &mut self.work),
+            stride => apply(&self.reflections, stride, &self.scale, &mut self.work),
         }
     }
 
@@ -157,28 +180,44 @@ impl NullSpace {
     /// `out = J^+ v`: the shortest joint motion (n) with the task velocity `v` (m). Directions that J has lost count as
     /// zero.
     pub fn shortest(&self, v: &[f64], out: &mut [f64]) {
-        let (m, n) = (self.m, self.n);
-        out.fill(0.0);
-        // R^T y = P^T v, row by row.
-        for k in 0..m {
-            let column = &self.columns[k * n..k * n + k];
-            let sum = column.iter().zip(&*out).map(|(r, y)| r * y).sum::<f64>();
-            out[k] = if self.diagonal[k] == 0.0 { 0.0 } else { (v[self.order[k]] - sum) / self.diagonal[k] };
+        if self.stride == EIGHT {
+            let mut x = [0.0; EIGHT];
+            self.substitute(v, &mut x);
+            apply(&self.reflections, EIGHT, &self.scale, &mut x);
+            for (out, x) in out.iter_mut().zip(&x) {
+                *out = *x;
+            }
+            return;
         }
-        for k in (0..m).rev() {
-            reflect(&self.columns[k * n + k..(k + 1) * n], self.scale[k], &mut out[k..n]);
+        // There is no padded memory here.
+        out.fill(0.0);
+        self.substitute(v, out);
+        for (v, scale) in self.reflections.chunks_exact(self.stride).zip(&self.scale).rev() {
+            let factor = scale * dot(v, out);
+            out.iter_mut().zip(v).for_each(|(x, v)| *x -= factor * v);
+        }
+    }
+
+    /// `R^T y = P^T v`, row by row.
+    #[inline(always)]
+    fn substitute(&self, v: &[f64], y: &mut [f64]) {
+        for (k, row) in self.columns.chunks_exact(self.stride).enumerate() {
+            let sum = row[..k].iter().zip(&*y).map(|(r, y)| r * y).sum::<f64>();
+            let diagonal = self.diagonal[k];
+            y[k] = if diagonal == 0.0 { 0.0 } else { (v[self.order[k]] - sum) / diagonal };
         }
     }
 
     /// Splits `g` (n): `multipliers` (m) of the least-squares problem `J^T lambda = g`, that is `(J J^T)^-1 J g`.
     pub fn multipliers(&mut self, g: &[f64], multipliers: &mut [f64]) {
-        let (m, n) = (self.m, self.n);
-        self.work.copy_from_slice(&g[..n]);
-        for k in 0..m {
-            reflect(&self.columns[k * n + k..(k + 1) * n], self.scale[k], &mut self.work[k..]);
+        let (m, n, stride) = (self.m, self.n, self.stride);
+        self.work.fill(0.0);
+        self.work[..n].copy_from_slice(&g[..n]);
+        for (v, scale) in self.reflections.chunks_exact(stride).zip(&self.scale) {
+            reflect(v, *scale, &mut self.work);
         }
         for k in (0..m).rev() {
-            let above = (k + 1..m).map(|i| self.columns[i * n + k] * self.work[i]).sum::<f64>();
+            let above = (k + 1..m).map(|i| self.columns[i * stride + k] * self.work[i]).sum::<f64>();
             let value = if self.diagonal[k] == 0.0 { 0.0 } else { (self.work[k] - above) / self.diagonal[k] };
             self.work[k] = value;
             multipliers[self.order[k]] = value;
@@ -187,7 +226,7 @@ impl NullSpace {
 
     /// Smallest and largest singular value.
     pub fn singular_values(&mut self) -> [f64; 2] {
-        let (m, n) = (self.m, self.n);
+        let (m, stride) = (self.m, self.stride);
         if m == 0 {
             return [0.0; 2];
         }
@@ -197,7 +236,7 @@ impl NullSpace {
                 self.triangle[k * m + i] = match i.cmp(&k) {
                     std::cmp::Ordering::Less => 0.0,
                     std::cmp::Ordering::Equal => self.diagonal[k],
-                    std::cmp::Ordering::Greater => self.columns[i * n + k],
+                    std::cmp::Ordering::Greater => self.columns[i * stride + k],
                 };
             }
         }
@@ -253,12 +292,41 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `x -= scale v (v . x)`.
+/// The sum of four lanes.
+#[inline(always)]
+fn total(lanes: f64x4) -> f64 {
+    let [a, b, c, d] = lanes.to_array();
+    (a + c) + (b + d)
+}
+
+/// Whole vectors of a padded row.
+#[inline(always)]
+fn lanes(row: &[f64]) -> impl Iterator<Item = f64x4> {
+    row.as_chunks::<4>().0.iter().map(|x| f64x4::new(*x))
+}
+
+/// Squared norm of what a mask of zeros and ones leaves of a padded row.
+#[inline(always)]
+fn masked_square(row: &[f64], mask: &[f64]) -> f64 {
+    total(lanes(row).zip(lanes(mask)).fold(f64x4::ZERO, |sum, (x, mask)| sum + x * mask * x))
+}
+
+/// `x -= scale v (v . x)` on padded rows.
 #[inline(always)]
 fn reflect(v: &[f64], scale: f64, x: &mut [f64]) {
-    let factor = scale * dot(v, x);
-    for (x, v) in x.iter_mut().zip(v) {
-        *x -= factor * v;
+    let along = total(lanes(v).zip(lanes(x)).fold(f64x4::ZERO, |sum, (v, x)| sum + v * x));
+    let factor = f64x4::splat(scale * along);
+    for (x, v) in x.as_chunks_mut::<4>().0.iter_mut().zip(lanes(v)) {
+        *x = (f64x4::new(*x) - factor * v).to_array();
+    }
+}
+
+/// Applies reflections to a padded row, the last one first.
+#[inline(always)]
+fn apply(reflections: &[f64], stride: usize, scale: &[f64], x: &mut [f64]) {
+    let x = &mut x[..stride];
+    for (v, scale) in reflections.chunks_exact(stride).zip(scale).rev() {
+        reflect(v, *scale, x);
     }
 }
 

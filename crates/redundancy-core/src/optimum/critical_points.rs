@@ -86,7 +86,7 @@ pub fn constrained_optima(
     }
     let trace = TraceSettings { step: settings.step, ..TraceSettings::default() };
     trace.validate()?;
-    let mut search = Search::new(chain, target, criterion, task)?;
+    let mut search = CriticalPointSearch::new(chain, target, criterion, task)?;
     if chain.dof() == task.dim() + 1 {
         for curve in self_motion_curves(chain, target, task, &trace, settings.seed, settings.starts)? {
             search.along(&curve);
@@ -173,7 +173,7 @@ fn solve(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
     matrix.clone().lu().solve(rhs)
 }
 
-struct Search<'a> {
+struct CriticalPointSearch<'a> {
     chain: &'a Chain,
     target: &'a Pose,
     classifier: Classifier<'a>,
@@ -192,7 +192,7 @@ struct Sample {
     noise: f64,
 }
 
-impl<'a> Search<'a> {
+impl<'a> CriticalPointSearch<'a> {
     fn new(chain: &'a Chain, target: &'a Pose, criterion: &'a dyn Criterion, task: Task) -> Result<Self> {
         Ok(Self {
             chain,

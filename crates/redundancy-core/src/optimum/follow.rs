@@ -363,10 +363,15 @@ impl<'a> Follower<'a> {
             && error.coordinates.norm() <= FOLLOW_START;
         if !polished && !singular {
             let residual = self.classifier.residual();
+            let positions = self.path.poses().iter().map(|pose| pose.translation.vector);
+            let chain = self.classifier.stationarity_mut().chain().clone();
+            let questions = [chain.ask_about_millimetres(positions), chain.ask_about_degrees(q0)];
+            let questions: String =
+                questions.into_iter().flatten().map(|question| format!("; {question}")).collect();
             return Err(Error::Invalid(format!(
                 "q0 is no critical point over the path's start: position error {:.3e} m, orientation error {:.3e} rad, \
                  slope of the criterion along the self-motion {residual:.3e}, and none was found within {FOLLOW_START} \
-                 rad of it; constrained_optima finds them",
+                 rad of it; constrained_optima finds them{questions}",
                 error.position, error.orientation
             )));
         }

@@ -166,7 +166,7 @@ impl<'a> SingularitySearch<'a> {
             let found: Vec<Option<SingularPoint>> = piece
                 .par_iter()
                 .map_init(
-                    || Search::new(classifier.clone(), free),
+                    || SingularPointSearch::new(classifier.clone(), free),
                     |search, start| {
                         let mut q = start.clone();
                         if free {
@@ -213,8 +213,8 @@ impl<'a> SingularitySearch<'a> {
     }
 
     /// Memory for Newton's method.
-    pub(super) fn newton(&self) -> Search<'a> {
-        Search::new(self.classifier.clone(), self.free)
+    pub(super) fn newton(&self) -> SingularPointSearch<'a> {
+        SingularPointSearch::new(self.classifier.clone(), self.free)
     }
 
     /// What was found, sorted by joint values.
@@ -245,7 +245,7 @@ fn stays(classifier: &mut Classifier<'_>, seed: u64, shift: &[f64]) -> bool {
 
 /// Newton's method on `[mu; det W]`.
 #[derive(Debug)]
-pub(super) struct Search<'a> {
+pub(super) struct SingularPointSearch<'a> {
     classifier: Classifier<'a>,
     first: usize,
     null: NullSpace,
@@ -254,7 +254,7 @@ pub(super) struct Search<'a> {
     step: Vec<f64>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> SingularPointSearch<'a> {
     fn new(classifier: Classifier<'a>, free: bool) -> Self {
         let chain = classifier.stationarity().chain();
         let (first, n) = (usize::from(free), chain.dof());

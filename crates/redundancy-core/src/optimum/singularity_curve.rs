@@ -6,7 +6,7 @@
 //! its start. It ends where the task Jacobian loses rank, where the derivative does (there it crosses another one), and
 //! for criteria of joint values, to which whole turns make a difference, where a joint changes its winding.
 
-use super::singularity::{Search, SingularPoint, SingularitySearch, SingularitySettings};
+use super::singularity::{SingularPoint, SingularPointSearch, SingularitySearch, SingularitySettings};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
@@ -68,7 +68,7 @@ pub fn singularity_curves(
 #[derive(Debug)]
 pub struct SingularityTracer<'a> {
     chain: &'a Chain,
-    search: Search<'a>,
+    search: SingularPointSearch<'a>,
     free: bool,
     periodic: bool,
     step: f64,

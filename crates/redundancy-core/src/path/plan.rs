@@ -7,6 +7,7 @@
 //! A [`PlanBuilder`] checks what the columns promise: one entry per row, no NaN, and no `Converged` beside a limit that
 //! is broken, a reconfiguration or a blocked point.
 
+use super::path::Path;
 use super::trajectory::Trajectory;
 use crate::chain::{Chain, Limits};
 use crate::error::{Error, Result, check_finite, check_length};
@@ -291,6 +292,22 @@ impl PlanBuilder {
     #[must_use]
     pub fn reason(mut self, reason: impl Into<String>) -> Self {
         self.plan.reason = reason.into();
+        self
+    }
+
+    /// Adds to the reason, where there is one, the question about units that the path or the rows raise: millimetres where
+    /// every point is far beyond the reach of the arm, degrees where a joint is beyond twenty turns.
+    #[must_use]
+    pub fn asking_about_units(mut self, chain: &Chain, path: &Path) -> Self {
+        let positions = path.poses().iter().map(|pose| pose.translation.vector);
+        let questions =
+            [chain.ask_about_millimetres(positions), chain.ask_about_degrees(self.plan.trajectory.q())];
+        for question in questions.into_iter().flatten() {
+            if !self.plan.reason.is_empty() {
+                self.plan.reason += "; ";
+                self.plan.reason += &question;
+            }
+        }
         self
     }
 

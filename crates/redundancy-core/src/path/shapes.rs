@@ -4,7 +4,7 @@ use nalgebra::{Complex, Unit, Vector3};
 
 use crate::error::{Error, Result, check_finite};
 use crate::pose::Pose;
-use crate::tolerance::{CORNER_FIT, DIRECTION_NORM};
+use crate::tolerance::{CORNER_FIT, DIRECTION_NORM, UNIT_AXIS};
 
 /// A circle, an arc or several turns.
 ///
@@ -415,6 +415,10 @@ pub(super) fn out_of_range(what: &str, value: f64, bound: &str) -> Error {
 
 fn direction(what: &str, v: Vector3<f64>) -> Result<Unit<Vector3<f64>>> {
     check_finite(what, v.as_slice())?;
+    // What is a unit vector already keeps its bits.
+    if (v.norm() - 1.0).abs() <= UNIT_AXIS {
+        return Ok(Unit::new_unchecked(v));
+    }
     let too_short = Error::ZeroDirection { what: what.into(), norm: v.norm(), minimum: DIRECTION_NORM };
     Unit::try_new(v, DIRECTION_NORM).ok_or(too_short)
 }

@@ -6,9 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use super::demand::Demand;
 use super::fill::fill;
 use super::nodes::{Nodes, posture};
-use super::planner::FINE;
 use super::pull::{Pull, Puller, wind_into};
-use super::refine::{Refinement, refine};
+use super::refine::{LEGAL, Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search};
 use crate::parallel::prelude::*;
@@ -204,9 +203,9 @@ fn assembled(
     for end in ends {
         if end > first + 1 {
             let part = demand.section(first, end);
-            let how = Refinement { watch: Some(watch), slope: 1e-5, last_barrier: 1e-5, ..FINE };
+            let how = Refinement { watch: Some(watch), slope: 1e-5, last_barrier: 1e-5, ..Refinement::FINE };
             if let Some(refined) = refine(&part, q[first * n..end * n].to_vec(), &how)
-                && refined.violation <= super::planner::LEGAL
+                && refined.violation <= LEGAL
             {
                 q[first * n..end * n].copy_from_slice(&refined.q);
             }

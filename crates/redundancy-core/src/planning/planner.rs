@@ -91,7 +91,7 @@ impl Run<'_> {
             }
             let found = self.level(level);
             best = better(self.demand, best, found.best);
-            if let Some(line) = best.take_if(|line| is_legal(line)) {
+            if let Some(line) = best.take_if(|line| line.is_legal()) {
                 return self.finished(line);
             }
             let saturated = found.nodes.rows.len() == self.demand.rows() && level.number > 1;
@@ -119,9 +119,9 @@ impl Run<'_> {
                 break;
             }
             let tight = self.demand.with_margin(REPAIR_MARGIN * excess);
-            let how = Refinement { watch: Some(self.watch), ..FINE };
+            let how = Refinement { watch: Some(self.watch), ..Refinement::FINE };
             match minimise(&tight, line.q.clone(), &how) {
-                Some(repaired) if is_legal(&repaired) => line = repaired,
+                Some(repaired) if repaired.is_legal() => line = repaired,
                 _ => break,
             }
         }
@@ -148,7 +148,7 @@ impl Run<'_> {
             return Found { best, nodes };
         }
         let coarse = demand.thinned(&middle);
-        let how = Refinement { watch: Some(watch), ..COARSE };
+        let how = Refinement { watch: Some(watch), ..Refinement::COARSE };
         let mut refined: Vec<Refined> =
             lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &how)).collect();
         refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
@@ -167,7 +167,7 @@ impl Run<'_> {
             let enough = k >= FINE_LINES || score(coarse, &line) > FINE_WINDOW * first;
             if best
                 .as_ref()
-                .is_some_and(|best| is_legal(best) && (enough || self.watch.interrupted().is_some()))
+                .is_some_and(|best| best.is_legal() && (enough || self.watch.interrupted().is_some()))
             {
                 break;
             }
@@ -176,7 +176,7 @@ impl Run<'_> {
                 continue;
             }
             let Ok(q) = fill(demand, middle, &line.q, &all) else { continue };
-            let how = Refinement { watch: Some(self.watch), ..FINE };
+            let how = Refinement { watch: Some(self.watch), ..Refinement::FINE };
             let line = if demand.objective == Objective::PeakSpeed {
                 fastest(demand, q, &how, &PEAK_WEIGHTS[PEAK_WEIGHTS.len() - 1..])
             } else {
@@ -192,7 +192,7 @@ impl Run<'_> {
         let demand = self.demand;
         let all: Vec<usize> = (0..demand.rows()).collect();
         let q = fill(demand, middle, q, &all).ok()?;
-        refine(demand, q, &Refinement { iterations: 0, ..FINE })
+        refine(demand, q, &Refinement { iterations: 0, ..Refinement::FINE })
     }
 }
 
@@ -274,17 +274,13 @@ fn better(demand: &Demand, a: Option<Refined>, b: Option<Refined>) -> Option<Ref
     }
 }
 
-fn is_legal(line: &Refined) -> bool {
-    line.violation <= LEGAL
-}
-
 /// What lines are compared by: illegal ones come last.
 fn score(demand: &Demand, line: &Refined) -> f64 {
     let cost = match demand.objective {
         Objective::PeakSpeed => demand.peak_speed(&line.q) * (1.0 + 1e-6 * line.cost),
         _ => line.cost,
     };
-    if is_legal(line) { cost } else { ILLEGAL * (1.0 + line.violation) }
+    if line.is_legal() { cost } else { ILLEGAL * (1.0 + line.violation) }
 }
 
 fn layer_count(demand: &Demand) -> usize {
@@ -325,22 +321,6 @@ fn subdivided(demand: &Demand, rows: &[usize], parts: usize, least: usize) -> Ve
     out
 }
 
-pub(super) const COARSE: Refinement<'_> = Refinement {
-    goal: Goal::Cost,
-    barrier: 1e-1,
-    last_barrier: 1e-5,
-    slope: 1e-4,
-    iterations: 60,
-    watch: None,
-};
-pub(super) const FINE: Refinement<'_> = Refinement {
-    goal: Goal::Cost,
-    barrier: 1e-3,
-    last_barrier: 1e-7,
-    slope: 1e-7,
-    iterations: 100,
-    watch: None,
-};
 /// Layers of the search, and the distance of the tool between them, m.
 const LEAST_LAYERS: usize = 32;
 const MOST_LAYERS: usize = 400;
@@ -362,8 +342,6 @@ const PEAK_SLACK: f64 = 1e-3;
 const PEAK_WEIGHTS: [f64; 3] = [0.3, 3.0, 30.0];
 const PEAK_BARRIER: f64 = 1e-2;
 const PEAK_SLOPE: f64 = 1e-4;
-/// Violation (rad or m) that rounding explains.
-pub(super) const LEGAL: f64 = 1e-9;
 /// Score of a line that breaks a limit: above that of any that does not.
 const ILLEGAL: f64 = 1e12;
 /// Times that a line is pulled back from limits that it breaks between its rows, and by how many times the excess.

@@ -5,6 +5,7 @@
 
 use super::demand::Demand;
 use super::tool::{MOST_BOUNDS, MOST_JOINTS, MOST_ROWS, Target};
+use crate::joint_space::nearest;
 use crate::kinematics::{NullSpace, Scratch};
 
 /// Memory to pull configurations of one chain onto the task; one per thread.
@@ -156,13 +157,12 @@ impl<'a> Puller<'a> {
 
 /// Turns rotational joints by whole turns into their limits, where one fits: the one next to the middle of the range.
 pub(super) fn wind_into(q: &mut [f64], demand: &Demand) {
-    use std::f64::consts::TAU;
     for (i, q) in q.iter_mut().enumerate() {
         if !demand.chain.steps()[i].rotational {
             continue;
         }
         let [middle, _] = demand.range[i];
-        *q -= TAU * ((*q - middle) / TAU).round();
+        *q = nearest(*q, middle);
     }
 }
 

@@ -1,8 +1,7 @@
 //! From what the planner found to a [`Plan`].
 
 use super::demand::Demand;
-use super::planner::LEGAL;
-use super::refine::Refined;
+use super::refine::{LEGAL, Refined};
 use super::verify;
 use crate::error::Result;
 use crate::path::{
@@ -35,7 +34,10 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
         Outcome::Interrupted(Some(line), why) => of_line(demand, path, &line, Some(why)),
         Outcome::Interrupted(None, why) => {
             let reason = format!("{why} before a continuous line was found");
-            PlanBuilder::without_rows(names(), why.status())?.reason(reason).build()
+            PlanBuilder::without_rows(names(), why.status())?
+                .reason(reason)
+                .asking_about_units(&demand.chain, path)
+                .build()
         }
         Outcome::Blocked(points) => {
             let total = path.len();
@@ -45,11 +47,18 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
             });
             let verb = if count == 1 { "point has" } else { "points have" };
             let reason = format!("{count} of {total} {verb} no configuration; the first is {why}");
-            PlanBuilder::without_rows(names(), status)?.reason(reason).blocked(points).build()
+            PlanBuilder::without_rows(names(), status)?
+                .reason(reason)
+                .asking_about_units(&demand.chain, path)
+                .blocked(points)
+                .build()
         }
         Outcome::Jumps { q, jumps, reason } => of_jumps(demand, path, &q, jumps, reason),
         Outcome::Nothing(reason) => {
-            PlanBuilder::without_rows(names(), Status::Infeasible)?.reason(reason).build()
+            PlanBuilder::without_rows(names(), Status::Infeasible)?
+                .reason(reason)
+                .asking_about_units(&demand.chain, path)
+                .build()
         }
     }
 }
@@ -79,7 +88,8 @@ fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Int
         (Status::IterationLimit, reason)
     };
     let builder = rows(demand, path, &q, Vec::new(), status)?;
-    builder.legal(legal).cost(demand.cost(&line.q)).reason(reason).build()
+    let builder = builder.legal(legal).cost(demand.cost(&line.q)).reason(reason);
+    builder.asking_about_units(&demand.chain, path).build()
 }
 
 fn of_jumps(
@@ -102,6 +112,7 @@ fn of_jumps(
         .legal(false)
         .reason(reason)
         .reconfigurations(jumps)
+        .asking_about_units(&demand.chain, path)
         .build()
 }
 

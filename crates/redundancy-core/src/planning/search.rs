@@ -5,10 +5,9 @@
 //! Costs to come and to go give the best line through every state, from which a handful of different ones is taken: the
 //! first line of a search on states is often not in the best basin.
 
-use std::f64::consts::TAU;
-
 use super::demand::Demand;
 use super::nodes::Nodes;
+use crate::joint_space::{TURN, shift, wrap};
 use crate::parallel::prelude::*;
 
 /// A line through the states.
@@ -37,7 +36,7 @@ impl<'a> Search<'a> {
     pub fn new(demand: &'a Demand, nodes: &'a Nodes) -> Self {
         let n = demand.dof();
         let round: Vec<bool> = (0..n)
-            .map(|i| demand.chain.steps()[i].rotational && demand.upper[i] - demand.lower[i] >= TAU)
+            .map(|i| demand.chain.steps()[i].rotational && demand.upper[i] - demand.lower[i] >= TURN)
             .collect();
         let node_cost = (nodes.q.par_iter().enumerate())
             .map(|(layer, q)| q.chunks_exact(n).map(|q| demand.row_cost(layer, q) as f32).collect())
@@ -272,7 +271,7 @@ impl<'a> Search<'a> {
     }
 
     fn short(&self, joint: usize, d: f64) -> f64 {
-        if self.round[joint] { d - TAU * (d / TAU).round() } else { d }
+        if self.round[joint] { wrap(d) } else { d }
     }
 
     /// Configurations of a line with continuous windings inside the limits.
@@ -304,10 +303,9 @@ impl<'a> Search<'a> {
             }
             let given = self.demand.first.is_some() || self.demand.last.is_some();
             let [middle, half] = self.demand.range[i];
-            let turns =
-                if half > 0.0 && !given { ((0.5 * (least + most) - middle) / TAU).round() } else { 0.0 };
-            q.iter_mut().skip(i).step_by(n).for_each(|q| *q -= TAU * turns);
-            let (least, most) = (least - TAU * turns, most - TAU * turns);
+            let off = if half > 0.0 && !given { shift(0.5 * (least + most) - middle) } else { 0.0 };
+            q.iter_mut().skip(i).step_by(n).for_each(|q| *q -= off);
+            let (least, most) = (least - off, most - off);
             if least < self.demand.lower[i] - WINDING_SLACK || most > self.demand.upper[i] + WINDING_SLACK {
                 return None;
             }
@@ -390,7 +388,7 @@ fn edge_costs(demand: &Demand, step: usize, from: &[f64], to: &[f64], round: &[b
     let columns: Vec<Vec<f32>> =
         (0..n).map(|i| to.iter().skip(i).step_by(n).map(|q| *q as f32).collect()).collect();
     let mut out = vec![0f32; rows * width];
-    let (share, turn) = (demand.step_share[step], TAU as f32);
+    let (share, turn) = (demand.step_share[step], TURN as f32);
     for (from, out) in from.chunks_exact(n).zip(out.chunks_exact_mut(width.max(1))) {
         for i in 0..n {
             let weight = (demand.motion_weight.max(LEAST_MOTION) * demand.joint_weight[i] / share) as f32;

@@ -1,6 +1,6 @@
 //! The swivel along a whole path.
 //!
-//! # Problem
+//! # SwivelProblem
 //! Over each point of a path an S-R-S arm has up to eight circles of configurations, cut by the joint limits into arcs.
 //! Wanted is one swivel per point, on one branch and with continuous windings, that keeps away from the limits and
 //! moves little:
@@ -16,13 +16,13 @@
 //!    the joints may be does not exist. A reconfiguration costs more than any path, so there are as few as possible.
 //! 2. The chosen line is refined in a tube around itself, whose width shrinks: no staircase of grid cells remains.
 //!
-//! Between its points the line is clear of obstacles too, when the joints go straight: see `Problem::edge_is_clear`.
+//! Between its points the line is clear of obstacles too, when the joints go straight: see `SwivelProblem::edge_is_clear`.
 //!
 //! Cost: linear in points and swivels; the circle of each point is computed once, for all branches.
 
-use super::layers::srs::explain::Outcome;
-use super::layers::srs::problem::Problem;
-use super::layers::srs::search::Grid;
+use super::layers::srs::explain::SwivelOutcome;
+use super::layers::srs::grid::SwivelGrid;
+use super::layers::srs::problem::SwivelProblem;
 use super::layers::srs::settings::{SwivelChoice, SwivelPlanSettings};
 use crate::error::{Error, Result};
 use crate::joint_space::TURN;
@@ -69,16 +69,16 @@ pub fn plan_swivel(arm: &SrsArm, path: &Path, settings: &SwivelPlanSettings, wat
     }
     let circles: Vec<SelfMotion> =
         poses.par_iter().map(|pose| arm.self_motion(pose)).collect::<Result<_>>()?;
-    let problem = Problem::new(arm, path, settings, circles)?;
+    let problem = SwivelProblem::new(arm, path, settings, circles)?;
     let outcome = match problem.blocked() {
         Some(blocked) => blocked,
-        None => search(&problem, watch).unwrap_or_else(Outcome::interrupted),
+        None => search(&problem, watch).unwrap_or_else(SwivelOutcome::interrupted),
     };
     outcome.into_plan(arm.chain(), path)
 }
 
 /// The line of least cost that is found, with its verdict.
-fn search(problem: &Problem<'_>, watch: &Watch) -> std::result::Result<Outcome, Interrupted> {
+fn search(problem: &SwivelProblem<'_>, watch: &Watch) -> std::result::Result<SwivelOutcome, Interrupted> {
     let (settings, points) = (problem.settings, problem.circles.len());
     let fixed = matches!(settings.choice, SwivelChoice::Fixed(_));
     let cells = if fixed { 1 } else { settings.swivels };
@@ -87,7 +87,7 @@ fn search(problem: &Problem<'_>, watch: &Watch) -> std::result::Result<Outcome, 
     let stride = points.div_ceil(THIN_POINTS);
     if stride > 1 && !fixed {
         let thin = problem.thinned(stride);
-        let grid = Grid::new(&thin, cells, reach(thin.circles.len()));
+        let grid = SwivelGrid::new(&thin, cells, reach(thin.circles.len()));
         let line = grid.line(false, false, watch.part(0.0, 0.5))?;
         let line = line.map(|line| thin.smooth(line, false)).and_then(|line| problem.spread(&line, stride));
         if let Some(line) = line {
@@ -98,17 +98,17 @@ fn search(problem: &Problem<'_>, watch: &Watch) -> std::result::Result<Outcome, 
         }
     }
     let whole = watch.part(0.0, 1.0);
-    let mut line = Grid::new(problem, cells, reach(points)).line(false, true, whole)?;
+    let mut line = SwivelGrid::new(problem, cells, reach(points)).line(false, true, whole)?;
     if line.is_none() {
         // Nothing continuous: look closer, and count the reconfigurations.
         let cells = if fixed { 1 } else { cells.max(LAST_SWIVELS) };
-        let grid = Grid::new(problem, cells, LAST_REACH);
+        let grid = SwivelGrid::new(problem, cells, LAST_REACH);
         line = match grid.line(false, true, whole)? {
             None => grid.line(true, true, whole)?,
             found => found,
         };
     }
-    let Some(line) = line else { return Ok(Outcome::never_closed()) };
+    let Some(line) = line else { return Ok(SwivelOutcome::never_closed()) };
     if line.q.len() < points || fixed {
         return Ok(problem.finish(line));
     }

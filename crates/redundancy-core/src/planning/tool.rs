@@ -125,6 +125,19 @@ impl ToolTask {
         Self { orientation, cone, spin, ..self }
     }
 
+    /// The task by name that asks for the same equations; `None` where the tool may lean.
+    pub fn named(&self) -> Option<Task> {
+        match (self.position, self.orientation) {
+            _ if self.cone.is_some() => None,
+            (PositionRows::Space, OrientationRows::Open) => Some(Task::POSITION),
+            (PositionRows::Space, OrientationRows::Full) => Some(Task::POSE),
+            (PositionRows::Space, OrientationRows::Axis) => Task::pointing((*self.axis).into()).ok(),
+            (PositionRows::Plane, OrientationRows::Open) => Some(Task::PLANAR),
+            (PositionRows::Plane, OrientationRows::Heading) => Some(Task::PLANAR_POSE),
+            _ => None,
+        }
+    }
+
     /// Number of equations.
     pub fn rows(&self) -> usize {
         let position = if self.position == PositionRows::Space { 3 } else { 2 };

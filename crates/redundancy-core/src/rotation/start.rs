@@ -17,7 +17,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use crate::rotation::barrier::{Barrier, Model};
 use crate::rotation::cone::{Cone, Constraint, Local, Spin};
-use crate::rotation::optimize::{descent_direction, retract};
+use crate::rotation::newton::{descent_direction, retract};
 use crate::rotation::quaternion::{about, angle_between, compose, nearest_sign, shortest_arc, swing_twist};
 use crate::tolerance::{MISS_AGREES, START_MARGIN, START_SMOOTHING, SUFFICIENT_DECREASE};
 

@@ -29,9 +29,9 @@
 //! Membership and margin below 1 us, nearest member below 0.1 ms (three rotations, outside). References: [FromGravdahl2007],
 //! [FromGravdahl2009].
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
@@ -39,11 +39,13 @@ use crate::error::{Error, Result, check_finite, check_length};
 use crate::rotation::cone::Cone;
 use crate::rotation::quaternion::{
     about, angle_between, compose, from_zyz, nearest_sign, rotation_angle, shortest_arc, to_zyz,
-    unit_direction, wrap,
+    unit_direction,
 };
-use crate::tolerance::{
-    VOLUME_AXES_PARALLEL, VOLUME_GIMBAL, VOLUME_NARROW, VOLUME_NEAR_GIMBAL, VOLUME_NEAREST, VOLUME_OFF_SET,
+use crate::rotation::sequence::{
+    BoundedRotation, SequenceBranch, middle_zero, nearest_angles, one_rotation, three_rotations,
+    two_rotations, weighted_middle,
 };
+use crate::tolerance::{VOLUME_AXES_PARALLEL, VOLUME_NEAR_GIMBAL};
 
 /// A set of orientations: up to three bounded rotations in sequence, or a cone.
 ///
@@ -57,13 +59,13 @@ use crate::tolerance::{
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuaternionVolume {
-    shape: Shape,
+    shape: VolumeShape,
     before: UnitQuaternion<f64>,
     after: UnitQuaternion<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Shape {
+enum VolumeShape {
     Cone {
         axis: Unit<Vector3<f64>>,
         half_angle: f64,
@@ -71,53 +73,8 @@ enum Shape {
     /// The first `count` rotations; the others are the identity.
     Sequence {
         count: usize,
-        rotations: [Bounded; 3],
+        rotations: [BoundedRotation; 3],
     },
-}
-
-/// A rotation about a fixed axis by an angle in `[low, high]`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Bounded {
-    axis: Unit<Vector3<f64>>,
-    low: f64,
-    high: f64,
-}
-
-impl Bounded {
-    /// The identity.
-    fn none() -> Self {
-        Self { axis: Vector3::z_axis(), low: 0.0, high: 0.0 }
-    }
-
-    fn free(&self) -> bool {
-        self.high - self.low >= TAU
-    }
-
-    fn centre(&self) -> f64 {
-        0.5 * (self.low + self.high)
-    }
-
-    fn half(&self) -> f64 {
-        (0.5 * (self.high - self.low)).min(PI)
-    }
-
-    /// Signed angle to the nearer bound, positive inside; infinite without bounds.
-    fn margin(&self, angle: f64) -> f64 {
-        if self.free() { f64::INFINITY } else { self.half() - wrap(angle - self.centre()).abs() }
-    }
-
-    /// The angle of the range nearest to `angle` on the circle.
-    fn clamp(&self, angle: f64) -> f64 {
-        let half = self.half();
-        self.centre() + wrap(angle - self.centre()).clamp(-half, half)
-    }
-}
-
-/// One way to write an orientation as the sequence.
-#[derive(Debug, Clone, Copy)]
-struct Branch {
-    angles: [f64; 3],
-    margin: f64,
 }
 
 /// The form of a volume's cross-section, see [`QuaternionVolume::cross_section`].
@@ -227,7 +184,7 @@ impl QuaternionVolume {
     /// An axis without length, a half-angle outside (0, pi).
     pub fn cone(axis: [f64; 3], half_angle: f64) -> Result<Self> {
         let cone = Cone::new(axis, axis, half_angle)?;
-        let shape = Shape::Cone { axis: cone.body_axis(), half_angle };
+        let shape = VolumeShape::Cone { axis: cone.body_axis(), half_angle };
         Ok(Self { shape, before: UnitQuaternion::identity(), after: UnitQuaternion::identity() })
     }
 
@@ -264,14 +221,15 @@ impl QuaternionVolume {
         check_length("upper", upper, count)?;
         check_finite("lower", lower)?;
         check_finite("upper", upper)?;
-        let mut rotations = [Bounded::none(); 3];
+        let mut rotations = [BoundedRotation::none(); 3];
         for i in 0..count {
             let (low, high) = (lower[i], upper[i]);
             if low > high {
                 let message = format!("rotation {i}: lower bound {low} is above upper bound {high}");
                 return Err(Error::Invalid(message));
             }
-            rotations[i] = Bounded { axis: unit_direction(&format!("axis {i}"), axes[i])?, low, high };
+            rotations[i] =
+                BoundedRotation { axis: unit_direction(&format!("axis {i}"), axes[i])?, low, high };
             if i > 0 {
                 let sine = rotations[i - 1].axis.cross(&rotations[i].axis).norm();
                 if sine < VOLUME_AXES_PARALLEL {
@@ -284,7 +242,7 @@ impl QuaternionVolume {
                 }
             }
         }
-        let shape = Shape::Sequence { count, rotations };
+        let shape = VolumeShape::Sequence { count, rotations };
         Ok(Self { shape, before: UnitQuaternion::identity(), after: UnitQuaternion::identity() })
     }
 
@@ -309,26 +267,26 @@ impl QuaternionVolume {
     /// Number of bounded rotations: 1 to 3; a cone counts 3.
     pub fn dimension(&self) -> usize {
         match self.shape {
-            Shape::Cone { .. } => 3,
-            Shape::Sequence { count, .. } => count,
+            VolumeShape::Cone { .. } => 3,
+            VolumeShape::Sequence { count, .. } => count,
         }
     }
 
     /// The same set as a [`Cone`], when it is one.
     pub fn as_cone(&self) -> Option<Cone> {
         match self.shape {
-            Shape::Cone { axis, half_angle } => {
+            VolumeShape::Cone { axis, half_angle } => {
                 Some(Cone::from_units(self.after.inverse() * axis, self.before * axis, half_angle))
             }
-            Shape::Sequence { .. } => None,
+            VolumeShape::Sequence { .. } => None,
         }
     }
 
     /// The sequence's axes, lower and upper bounds (rad); `None` for a cone.
     pub fn bounds(&self) -> Option<Vec<([f64; 3], f64, f64)>> {
         match &self.shape {
-            Shape::Cone { .. } => None,
-            Shape::Sequence { count, rotations } => Some(
+            VolumeShape::Cone { .. } => None,
+            VolumeShape::Sequence { count, rotations } => Some(
                 rotations[..*count].iter().map(|r| ([r.axis.x, r.axis.y, r.axis.z], r.low, r.high)).collect(),
             ),
         }
@@ -337,8 +295,8 @@ impl QuaternionVolume {
     /// Body axis and half-angle (rad) of a cone before its reorientations; `None` for a sequence.
     pub fn cone_shape(&self) -> Option<([f64; 3], f64)> {
         match self.shape {
-            Shape::Cone { axis, half_angle } => Some((axis.into_inner().into(), half_angle)),
-            Shape::Sequence { .. } => None,
+            VolumeShape::Cone { axis, half_angle } => Some((axis.into_inner().into(), half_angle)),
+            VolumeShape::Sequence { .. } => None,
         }
     }
 
@@ -373,11 +331,11 @@ impl QuaternionVolume {
     /// the ZYZ angles in the frame whose z is the cone's axis.
     pub fn angles(&self, q: &UnitQuaternion<f64>) -> [f64; 3] {
         match self.shape {
-            Shape::Cone { axis, .. } => {
+            VolumeShape::Cone { axis, .. } => {
                 let frame = shortest_arc(&Vector3::z_axis(), &axis);
                 to_zyz(&compose(&compose(&frame.inverse(), &self.inner(q)), &frame))
             }
-            Shape::Sequence { .. } => self.best_branch(q).angles,
+            VolumeShape::Sequence { .. } => self.best_branch(q).angles,
         }
     }
 
@@ -415,30 +373,32 @@ impl QuaternionVolume {
     pub fn visualising(&self, q: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let angles = self.angles(q);
         let (last, psi) = match &self.shape {
-            Shape::Cone { axis, .. } => (*axis, angles[2]),
-            Shape::Sequence { count, rotations } => (rotations[count - 1].axis, angles[count - 1]),
+            VolumeShape::Cone { axis, .. } => (*axis, angles[2]),
+            VolumeShape::Sequence { count, rotations } => (rotations[count - 1].axis, angles[count - 1]),
         };
         about(&(self.before * (self.inner(q) * last)), psi)
     }
 
     /// The member nearest to `q`, on the side of `q` in the double cover; `q` itself when it is a member.
     ///
-    /// For a sequence the squared dot product with `q` is maximised over the box of angles: by coordinate ascent,
-    /// each coordinate in closed form, from the clamped branches and a grid of starts, then by Newton's method on
-    /// the angles that are not at a bound. For a cone it is the rim point on the arc to the axis.
+    /// For a sequence the squared dot product with `q` is maximised over the box of angles, see `sequence`; for a cone it
+    /// is the rim point on the arc to the axis.
     pub fn nearest(&self, q: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         if self.margin(q) >= 0.0 {
             return *q;
         }
         match (&self.shape, self.as_cone()) {
-            (Shape::Cone { half_angle, .. }, Some(cone)) => {
+            (VolumeShape::Cone { half_angle, .. }, Some(cone)) => {
                 let (from, to) = (q * cone.body_axis(), cone.direction());
                 let angle = angle_between(&from, &to);
                 let arc = shortest_arc(&from, &to);
                 let axis = Unit::try_new(arc.imag(), 0.0).unwrap_or(Vector3::z_axis());
                 compose(&about(&axis, angle - half_angle), q)
             }
-            _ => nearest_sign(self.place(&self.nearest_angles(&self.inner(q))), q),
+            (VolumeShape::Sequence { count, rotations }, _) => {
+                nearest_sign(self.place(&nearest_angles(*count, rotations, &self.inner(q))), q)
+            }
+            _ => *q,
         }
     }
 
@@ -487,14 +447,14 @@ impl QuaternionVolume {
             }
             Ok(distance * if measured == SectionDistance::AlongTool { eta.sin() } else { eta.tan() })
         };
-        let along = |r: &Bounded| Ok::<_, Error>([epsilon(r.low)?, epsilon(r.high)?]);
-        let mirrored = |r: &Bounded| Ok::<_, Error>([-epsilon(r.high)?, -epsilon(r.low)?]);
+        let along = |r: &BoundedRotation| Ok::<_, Error>([epsilon(r.low)?, epsilon(r.high)?]);
+        let mirrored = |r: &BoundedRotation| Ok::<_, Error>([-epsilon(r.high)?, -epsilon(r.low)?]);
         let section = |shape, x, y| Ok(CrossSection { shape, x, y });
         let disc = |eta: f64| epsilon(eta).and_then(|e| section(SectionShape::Disc, [-e, e], [-e, e]));
         let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
         match &self.shape {
-            Shape::Cone { axis, half_angle } if *axis == z => disc(*half_angle),
-            Shape::Sequence { count, rotations: [one, two, three] } => {
+            VolumeShape::Cone { axis, half_angle } if *axis == z => disc(*half_angle),
+            VolumeShape::Sequence { count, rotations: [one, two, three] } => {
                 let axes = [one.axis, two.axis, three.axis];
                 if *count == 1 && axes[0] == z {
                     section(SectionShape::Point, [0.0; 2], [0.0; 2])
@@ -511,7 +471,7 @@ impl QuaternionVolume {
                     Err(no_section())
                 }
             }
-            Shape::Cone { .. } => Err(no_section()),
+            VolumeShape::Cone { .. } => Err(no_section()),
         }
     }
 
@@ -523,11 +483,11 @@ impl QuaternionVolume {
     /// The member at all three angles.
     fn place(&self, angles: &[f64; 3]) -> UnitQuaternion<f64> {
         let inner = match &self.shape {
-            Shape::Cone { axis, .. } => {
+            VolumeShape::Cone { axis, .. } => {
                 let frame = shortest_arc(&Vector3::z_axis(), axis);
                 compose(&compose(&frame, &from_zyz(*angles)), &frame.inverse())
             }
-            Shape::Sequence { rotations: [a, b, c], .. } => compose(
+            VolumeShape::Sequence { rotations: [a, b, c], .. } => compose(
                 &compose(&about(&a.axis, angles[0]), &about(&b.axis, angles[1])),
                 &about(&c.axis, angles[2]),
             ),
@@ -535,7 +495,7 @@ impl QuaternionVolume {
         compose(&compose(&self.before, &inner), &self.after)
     }
 
-    fn best_branch(&self, q: &UnitQuaternion<f64>) -> Branch {
+    fn best_branch(&self, q: &UnitQuaternion<f64>) -> SequenceBranch {
         match self.branches(q) {
             (first, Some(second)) if second.margin > first.margin => second,
             (first, _) => first,
@@ -543,19 +503,21 @@ impl QuaternionVolume {
     }
 
     /// One or two ways to write `q`; the first is the one with the smaller middle angle.
-    fn branches(&self, q: &UnitQuaternion<f64>) -> (Branch, Option<Branch>) {
+    fn branches(&self, q: &UnitQuaternion<f64>) -> (SequenceBranch, Option<SequenceBranch>) {
         let inner = self.inner(q);
         match &self.shape {
-            Shape::Sequence { count: 1, rotations } => (one_rotation(&rotations[0], &inner), None),
-            Shape::Sequence { count: 2, rotations } => (two_rotations(rotations, &inner), None),
-            Shape::Sequence { rotations, .. } => three_rotations(rotations, &inner),
-            Shape::Cone { .. } => (Branch { angles: self.angles(q), margin: self.margin(q) }, None),
+            VolumeShape::Sequence { count: 1, rotations } => (one_rotation(&rotations[0], &inner), None),
+            VolumeShape::Sequence { count: 2, rotations } => (two_rotations(rotations, &inner), None),
+            VolumeShape::Sequence { rotations, .. } => three_rotations(rotations, &inner),
+            VolumeShape::Cone { .. } => {
+                (SequenceBranch { angles: self.angles(q), margin: self.margin(q) }, None)
+            }
         }
     }
 
     fn near_gimbal(&self, q: &UnitQuaternion<f64>) -> bool {
         match &self.shape {
-            Shape::Sequence { count: 3, rotations: [one, _, three] } => {
+            VolumeShape::Sequence { count: 3, rotations: [one, _, three] } => {
                 let last = self.inner(q) * three.axis;
                 one.axis.cross(&last).norm() < VOLUME_NEAR_GIMBAL
             }
@@ -566,13 +528,13 @@ impl QuaternionVolume {
     fn draw(&self, random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
         let mut between = |low: f64, high: f64| low + (high - low) * unit_interval(random);
         match &self.shape {
-            Shape::Cone { half_angle, .. } => {
+            VolumeShape::Cone { half_angle, .. } => {
                 // The area of a cap grows with sin^2 of half its half-angle.
                 let share = between(0.0, 1.0);
                 let tilt = 2.0 * ((0.5 * half_angle).sin() * share.sqrt()).asin();
                 self.place(&[between(-PI, PI), tilt, between(-PI, PI)])
             }
-            Shape::Sequence { count, rotations } => loop {
+            VolumeShape::Sequence { count, rotations } => loop {
                 let mut angles = [0.0; 3];
                 for (i, (angle, r)) in angles.iter_mut().zip(rotations).enumerate().take(*count) {
                     let (low, high) = (r.centre() - r.half(), r.centre() + r.half());
@@ -591,58 +553,7 @@ impl QuaternionVolume {
             },
         }
     }
-
-    /// Angles of the member nearest to the orientation `inner`, which is seen from the sequence's own frames.
-    fn nearest_angles(&self, inner: &UnitQuaternion<f64>) -> [f64; 3] {
-        let Shape::Sequence { rotations, .. } = &self.shape else { return [0.0; 3] };
-        let form = Form::new(rotations, inner);
-        let mut best: [Option<(f64, [f64; 3])>; STARTS_KEPT] = [None; STARTS_KEPT];
-        let mut consider = |mut angles: [f64; 3]| {
-            for _ in 0..SWEEPS {
-                form.sweep(rotations, &mut angles);
-            }
-            let mut candidate = (form.value(&angles), angles);
-            for slot in &mut best {
-                match slot {
-                    Some(kept) if kept.0 >= candidate.0 => {}
-                    Some(kept) => std::mem::swap(kept, &mut candidate),
-                    None => {
-                        *slot = Some(candidate);
-                        break;
-                    }
-                }
-            }
-        };
-        let (first, second) = match &self.shape {
-            Shape::Sequence { count: 3, .. } => three_rotations(rotations, inner),
-            _ => (Branch { angles: [0.0; 3], margin: 0.0 }, None),
-        };
-        for branch in [Some(first), second].into_iter().flatten() {
-            let a = branch.angles;
-            consider([rotations[0].clamp(a[0]), rotations[1].clamp(a[1]), rotations[2].clamp(a[2])]);
-        }
-        for code in 0..27_u32 {
-            let start = |i: usize| {
-                let place = f64::from((code / 3_u32.pow(i as u32)) % 3) - 1.0;
-                rotations[i].centre() + place * rotations[i].half().min(TAU / 3.0)
-            };
-            consider([start(0), start(1), start(2)]);
-        }
-        let mut winner = (f64::NEG_INFINITY, [0.0; 3]);
-        for (_, angles) in best.into_iter().flatten() {
-            let refined = form.refine(rotations, angles);
-            let value = form.value(&refined);
-            if value > winner.0 {
-                winner = (value, refined);
-            }
-        }
-        winner.1
-    }
 }
-
-const SWEEPS: usize = 6;
-const STARTS_KEPT: usize = 3;
-const REFINEMENTS: usize = 200;
 
 fn no_section() -> Error {
     Error::Invalid(
@@ -655,209 +566,4 @@ fn no_section() -> Error {
 /// 53 random bits in [0, 1).
 fn unit_interval(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-}
-
-/// Margin of a branch off the unbounded sequence by `residual`.
-fn off_set(margin: f64, residual: f64) -> f64 {
-    if residual > VOLUME_OFF_SET { margin.min(-residual) } else { margin }
-}
-
-fn one_rotation(r: &Bounded, q: &UnitQuaternion<f64>) -> Branch {
-    let along = q.imag().dot(&r.axis);
-    let angle = wrap(2.0 * along.atan2(q.w));
-    let residual = 2.0 * q.imag().cross(&r.axis).norm().atan2(q.w.hypot(along));
-    Branch { angles: [angle, 0.0, 0.0], margin: off_set(r.margin(angle), residual) }
-}
-
-fn two_rotations(rotations: &[Bounded; 3], q: &UnitQuaternion<f64>) -> Branch {
-    let (one, two) = (&rotations[0], &rotations[1]);
-    let v = q.imag();
-    // q . (Q1 * Q2) as a bilinear form of (cos, sin) of the half angles.
-    let (m00, m10, m01) = (q.w, v.dot(&one.axis), v.dot(&two.axis));
-    let m11 = v.dot(&one.axis.cross(&two.axis)) - q.w * one.axis.dot(&two.axis);
-    let difference = (m10 - m01).atan2(m00 + m11);
-    let sum = (m10 + m01).atan2(m00 - m11);
-    let angles = [wrap(sum + difference), wrap(sum - difference), 0.0];
-    let member = compose(&about(&one.axis, angles[0]), &about(&two.axis, angles[1]));
-    let margin = one.margin(angles[0]).min(two.margin(angles[1]));
-    Branch { angles, margin: off_set(margin, rotation_angle(&member, q)) }
-}
-
-/// The middle angle `atan2(C, B)` at which the outer axes are closest: the weight of its measure vanishes there.
-fn middle_zero(rotations: &[Bounded; 3]) -> f64 {
-    let [one, two, three] = rotations;
-    let b = one.axis.dot(&three.axis) - one.axis.dot(&two.axis) * two.axis.dot(&three.axis);
-    one.axis.dot(&two.axis.cross(&three.axis)).atan2(b)
-}
-
-fn three_rotations(rotations: &[Bounded; 3], q: &UnitQuaternion<f64>) -> (Branch, Option<Branch>) {
-    let [one, two, three] = rotations;
-    let last = (q * three.axis).into_inner();
-    let theta = angle_between(&one.axis, &last);
-    let (first, second) = (angle_between(&one.axis, &two.axis), angle_between(&two.axis, &three.axis));
-    let (a, b) = ((first - second).abs(), first + second);
-    let near = (0.5 * (theta + a)).sin() * (0.5 * (theta - a)).sin();
-    let far = (0.5 * (b + theta)).sin() * (0.5 * (b - theta)).sin();
-    let x = 2.0 * near.max(0.0).sqrt().atan2(far.max(0.0).sqrt());
-    let zero = middle_zero(rotations);
-    let branch = |middle: f64| {
-        let turned = about(&two.axis, middle) * three.axis.into_inner();
-        let gimbal = one.axis.cross(&last).norm() < VOLUME_GIMBAL;
-        let outer = if gimbal {
-            0.0
-        } else {
-            let sine = one.axis.dot(&turned.cross(&last));
-            sine.atan2(turned.dot(&last) - one.axis.dot(&turned) * one.axis.dot(&last))
-        };
-        let rest = compose(&compose(&about(&one.axis, outer), &about(&two.axis, middle)).inverse(), q);
-        let inner = one_rotation(&Bounded { low: -PI, high: PI, ..*three }, &rest);
-        let residual = (-inner.margin).max(0.0);
-        let mut angles = [outer, middle, inner.angles[0]];
-        if gimbal {
-            split(one, three, if one.axis.dot(&last) > 0.0 { 1.0 } else { -1.0 }, &mut angles);
-        }
-        let bounds = one.margin(angles[0]).min(two.margin(angles[1])).min(three.margin(angles[2]));
-        Branch { angles, margin: off_set(bounds, residual) }
-    };
-    let (plus, minus) = (wrap(zero + x), wrap(zero - x));
-    let (small, large) = if minus.abs() < plus.abs() { (minus, plus) } else { (plus, minus) };
-    (branch(small), Some(branch(large)))
-}
-
-/// At the gimbal only `angles[0] + sign * angles[2]` is determined: splits it so that the smaller margin is largest.
-fn split(one: &Bounded, three: &Bounded, sign: f64, angles: &mut [f64; 3]) {
-    let total = angles[0] + sign * angles[2];
-    match (one.free(), three.free()) {
-        (true, true) => (angles[0], angles[2]) = (0.0, wrap(sign * total)),
-        (false, true) => {
-            angles[0] = one.clamp(0.0);
-            angles[2] = wrap(sign * (total - angles[0]));
-        }
-        (true, false) => {
-            angles[2] = three.clamp(sign * total);
-            angles[0] = wrap(total - sign * angles[2]);
-        }
-        (false, false) => {
-            // Both leave their centres by |d1| + |d3| >= |off|; equal margins where the ranges allow.
-            let off = wrap(total - one.centre() - sign * three.centre());
-            let share = (0.5 * (one.half() - three.half() + off.abs())).clamp(0.0, off.abs());
-            angles[0] = wrap(one.centre() + share * off.signum());
-            angles[2] = wrap(three.centre() + sign * (off.abs() - share) * off.signum());
-        }
-    }
-}
-
-/// Quantile of the density `|sin(phi - zero)|` on `[low, high]`.
-fn weighted_middle(low: f64, high: f64, zero: f64, share: f64) -> f64 {
-    if high - low < VOLUME_NARROW {
-        return low + (high - low) * share;
-    }
-    // The integral of |sin| from 0 grows by 2 per half turn.
-    let integral = |x: f64| {
-        let turns = (x / PI).floor();
-        2.0 * turns + 1.0 - (x - turns * PI).cos()
-    };
-    let (from, to) = (integral(low - zero), integral(high - zero));
-    let y = from + (to - from) * share;
-    let turns = (0.5 * y).floor();
-    let angle = zero + turns * PI + (1.0 - (y - 2.0 * turns)).clamp(-1.0, 1.0).acos();
-    angle.clamp(low, high)
-}
-
-/// `q . (Q1(phi_1) Q2(phi_2) Q3(phi_3))` as a trilinear form of the (cos, sin) of the half angles.
-struct Form([f64; 8]);
-
-impl Form {
-    fn new(rotations: &[Bounded; 3], q: &UnitQuaternion<f64>) -> Self {
-        let mut entries = [0.0; 8];
-        for (index, entry) in entries.iter_mut().enumerate() {
-            let mut product = Quaternion::identity();
-            for (i, r) in rotations.iter().enumerate() {
-                if index >> i & 1 == 1 {
-                    product *= Quaternion::from_imag(r.axis.into_inner());
-                }
-            }
-            *entry = q.coords.dot(&product.coords);
-        }
-        Self(entries)
-    }
-
-    /// The form, with each factor replaced by its derivative where `derived` has a bit.
-    fn form(&self, angles: &[f64; 3], derived: u32) -> f64 {
-        let factors: [[f64; 2]; 3] = std::array::from_fn(|i| {
-            let (s, c) = (0.5 * angles[i]).sin_cos();
-            if derived >> i & 1 == 1 { [-0.5 * s, 0.5 * c] } else { [c, s] }
-        });
-        self.0
-            .iter()
-            .enumerate()
-            .map(|(index, t)| {
-                t * factors[0][index & 1] * factors[1][index >> 1 & 1] * factors[2][index >> 2 & 1]
-            })
-            .sum()
-    }
-
-    /// Squared dot product: 1 at the orientation itself.
-    fn value(&self, angles: &[f64; 3]) -> f64 {
-        self.form(angles, 0).powi(2)
-    }
-
-    /// Every coordinate in turn to its best value in its range.
-    fn sweep(&self, rotations: &[Bounded; 3], angles: &mut [f64; 3]) {
-        for (i, r) in rotations.iter().enumerate() {
-            let mut at = *angles;
-            at[i] = 0.0;
-            let cosine = self.form(&at, 0);
-            at[i] = PI;
-            let sine = self.form(&at, 0);
-            // The square is an offset cosine around 2 atan2(sine, cosine); constant where both vanish.
-            if sine != 0.0 || cosine != 0.0 {
-                angles[i] = r.clamp(2.0 * sine.atan2(cosine));
-            }
-        }
-    }
-
-    /// Newton's method on the angles inside their ranges, a sweep where it does not help.
-    fn refine(&self, rotations: &[Bounded; 3], mut angles: [f64; 3]) -> [f64; 3] {
-        for _ in 0..REFINEMENTS {
-            let before = angles;
-            self.sweep(rotations, &mut angles);
-            if let Some(next) = self.newton(rotations, &angles)
-                && self.value(&next) >= self.value(&angles)
-            {
-                angles = next;
-            }
-            let moved = (0..3).fold(0.0_f64, |m, i| m.max((angles[i] - before[i]).abs()));
-            if moved <= VOLUME_NEAREST {
-                break;
-            }
-        }
-        angles
-    }
-
-    fn newton(&self, rotations: &[Bounded; 3], angles: &[f64; 3]) -> Option<[f64; 3]> {
-        let d = self.form(angles, 0);
-        let slopes: [f64; 3] = std::array::from_fn(|i| self.form(angles, 1 << i));
-        let fixed: [bool; 3] = std::array::from_fn(|i| {
-            let r = &rotations[i];
-            let offset = wrap(angles[i] - r.centre());
-            r.half() == 0.0 || (!r.free() && offset.abs() >= r.half() && d * slopes[i] * offset >= 0.0)
-        });
-        let mut hessian = Matrix3::zeros();
-        let mut gradient = Vector3::zeros();
-        for i in 0..3 {
-            if fixed[i] {
-                hessian[(i, i)] = -1.0;
-                continue;
-            }
-            gradient[i] = 2.0 * d * slopes[i];
-            for j in (0..=i).filter(|j| !fixed[*j]) {
-                let second = if i == j { -0.25 * d } else { self.form(angles, 1 << i | 1 << j) };
-                hessian[(i, j)] = 2.0 * (slopes[i] * slopes[j] + d * second);
-                hessian[(j, i)] = hessian[(i, j)];
-            }
-        }
-        let step = (-hessian).cholesky()?.solve(&gradient);
-        Some(std::array::from_fn(|i| rotations[i].clamp(angles[i] + step[i])))
-    }
 }

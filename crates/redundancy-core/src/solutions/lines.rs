@@ -181,17 +181,7 @@ pub(crate) fn unreachable(chain: &Chain, form: Option<&dyn ClosedForm>, poses: &
 
 /// Distance from the first joint beyond which nothing can be reached: frame to frame, added up.
 pub(super) fn reach(chain: &Chain) -> f64 {
-    let mut reach = 0.0;
-    for (i, joint) in chain.joints().iter().enumerate() {
-        if i > 0 {
-            reach += joint.placement.translation.vector.norm();
-        }
-        if !joint.kind.is_rotational() {
-            reach += joint.limits.lower.abs().max(joint.limits.upper.abs());
-        }
-    }
-    let tip = chain.links().last().map_or_else(Pose::identity, |l| l.offset) * chain.tool();
-    reach + tip.translation.vector.norm()
+    chain.reach()
 }
 
 /// Without those that differ from an earlier one by whole turns only.

@@ -15,7 +15,6 @@ pub(crate) mod search;
 #[allow(clippy::module_inception)] // the trait's file has the name of the trait
 mod solutions;
 
-#[cfg(feature = "panda-class")]
 pub use closed_form::panda_class::{PandaClassArm, PandaMotion};
 pub use closed_form::parallel_axes::{ParallelAxesArm, ParallelAxesConfigurations};
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
@@ -33,4 +32,6 @@ pub use solutions::{Solution, Solutions};
 pub(crate) use solutions::{check_margin, check_piece};
 
 // What the closed forms share.
-pub(crate) use closed_form::srs::{Line, at, distance_to_line, orthonormal, rotation_y, signs, spherical};
+pub(crate) use closed_form::srs::{
+    AxisLine, at, distance_to_line, orthonormal, rotation_y, signs, spherical,
+};

@@ -41,7 +41,7 @@ pub fn self_motion_patch(
         return Err(Error::OutOfRange { what: "steps".into(), value: steps as f64, bound: "<= 500".into() });
     }
     let mut fibre = Corrector::new(chain, geometric(task), &chain.forward_unchecked(q))?;
-    fibre.linearise(q);
+    fibre.evaluate(q);
     let basis = fibre.basis().clone();
     let start = DVector::from_column_slice(q);
     let side = 2 * steps + 1;

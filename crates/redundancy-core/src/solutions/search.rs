@@ -30,7 +30,7 @@ pub(crate) fn nearest(solutions: &dyn Solutions, q: &[f64]) -> Result<Option<Sol
     solutions.chain().check_q(q)?;
     let springs = q.iter().map(|q| JointSpring { weight: 1.0, center: *q }).collect();
     let objective = Objective { criterion: None, sign: 1.0, springs: Some(springs) };
-    let found = Search::new(solutions, &objective).run()?;
+    let found = PieceSearch::new(solutions, &objective).run()?;
     Ok(found.map(|found| Solution { value: (2.0 * found.value).max(0.0).sqrt(), ..found }))
 }
 
@@ -38,7 +38,7 @@ pub(crate) fn nearest(solutions: &dyn Solutions, q: &[f64]) -> Result<Option<Sol
 pub(crate) fn best(solutions: &dyn Solutions, criterion: &dyn Criterion) -> Result<Option<Solution>> {
     check_dof(criterion, solutions.chain().dof())?;
     let objective = Objective::new(criterion);
-    let found = Search::new(solutions, &objective).run()?;
+    let found = PieceSearch::new(solutions, &objective).run()?;
     Ok(found.map(|found| Solution { value: criterion.value(&found.q), ..found }))
 }
 
@@ -183,7 +183,7 @@ pub(crate) fn in_period(u: f64) -> f64 {
     if wrapped >= PI { -PI } else { wrapped }
 }
 
-struct Search<'a> {
+struct PieceSearch<'a> {
     solutions: &'a dyn Solutions,
     objective: &'a Objective<'a>,
     q: Vec<f64>,
@@ -192,7 +192,7 @@ struct Search<'a> {
     best: Option<Solution>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> PieceSearch<'a> {
     fn new(solutions: &'a dyn Solutions, objective: &'a Objective<'a>) -> Self {
         let n = solutions.chain().dof();
         let [q, tangent, gradient] = [0, 1, 2].map(|_| vec![0.0; n]);
@@ -259,7 +259,7 @@ impl<'a> Search<'a> {
         Ok(probed)
     }
 
-    /// [`Search::probe`] at the end `u` of an arc, or just within it where rounding puts it outside.
+    /// [`PieceSearch::probe`] at the end `u` of an arc, or just within it where rounding puts it outside.
     fn end(&mut self, piece: usize, u: f64, other: f64) -> Result<[f64; 2]> {
         const INWARDS: [f64; 4] = [0.0, 1e-12, 1e-10, 1e-8];
         let mut probed = [f64::INFINITY, 0.0];

@@ -5,5 +5,5 @@ mod speed;
 
 pub use retime::{LimitKind, Limiting, RetimeSettings, Retimed, retime};
 pub use speed::{
-    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_line, fastest_profile, max_speed,
+    MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_profile, max_speed, max_speed_of_poses,
 };

@@ -19,7 +19,7 @@ use super::linear::{distance, dot, times};
 use super::local::{Local, by_dimension};
 use super::pseudo_inverse::PseudoInverse;
 use super::singular_values::Svd;
-use super::{Resolver, StepInput, StepReport};
+use super::{Resolver, Step, StepInput};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Stationarity};
 use crate::error::{Error, Result};
@@ -94,7 +94,7 @@ impl ExtendedJacobian {
         })
     }
 
-    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let columns = self.local.columns::<M>();
         let v = self.local.velocity::<M>();
         let factor = self.inverse.factor(columns);
@@ -129,7 +129,7 @@ impl ExtendedJacobian {
             qd.iter_mut().zip(column.iter()).for_each(|(qd, n)| *qd += z * n);
         }
         let singular = loss.any() || (algorithmic && self.damped);
-        Ok(StepReport {
+        Ok(Step {
             status: if singular { Status::Singular } else { Status::Converged },
             scale: 1.0,
             damping: loss.damping,
@@ -153,7 +153,7 @@ impl Resolver for ExtendedJacobian {
         &self.local.task
     }
 
-    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         self.local.update(input, qd)?;
         by_dimension!(self.resolve(input, qd) for self.local.task.dim())
     }

@@ -51,7 +51,7 @@ pub struct StepInput<'a> {
 
 /// What one step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepReport {
+pub struct Step {
     /// `converged`; `singular` where damping or a lost rank kept the task from being met; `limits` where limits did.
     pub status: Status,
     /// Share of the task velocity that is realised, 1 or less.
@@ -114,7 +114,7 @@ pub trait Resolver: Send + Sync + std::fmt::Debug {
     ///
     /// # Errors
     /// Wrong lengths, numbers that are not finite, a step that is not positive or is missing where it is needed.
-    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport>;
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step>;
 
     /// The limits that acted on the last step.
     fn active_limits(&self) -> &[ActiveLimit] {

@@ -10,7 +10,7 @@ use super::linear::{distance, times};
 use super::local::{Local, by_dimension, required_dt};
 use super::pseudo_inverse::PseudoInverse;
 use super::step_size::{Gain, OptimalStep};
-use super::{Resolver, StepInput, StepReport};
+use super::{Resolver, Step, StepInput};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::Result;
@@ -69,7 +69,7 @@ impl ProjectedGradient {
         })
     }
 
-    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let Self { local, gain, inverse, optimal, eta } = self;
         let columns = local.columns::<M>();
         let v = local.velocity::<M>();
@@ -97,7 +97,7 @@ impl ProjectedGradient {
             }
         }
         let residual = if loss.any() { distance(&times(columns, qd), &v) } else { 0.0 };
-        Ok(StepReport {
+        Ok(Step {
             status,
             scale: 1.0,
             damping: loss.damping,
@@ -121,7 +121,7 @@ impl Resolver for ProjectedGradient {
         &self.local.task
     }
 
-    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         self.local.update(input, qd)?;
         by_dimension!(self.resolve(input, qd) for self.local.task.dim())
     }

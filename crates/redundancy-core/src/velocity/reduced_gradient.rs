@@ -28,7 +28,7 @@ use super::local::{Local, by_dimension, required_dt};
 use super::pseudo_inverse::NormalEquations;
 use super::singular_values::Svd;
 use super::step_size::{Gain, OptimalStep};
-use super::{Resolver, StepInput, StepReport};
+use super::{Resolver, Step, StepInput};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
@@ -151,7 +151,7 @@ impl ReducedGradient {
         })
     }
 
-    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let optimal_dt = match (self.gain, &self.local.criterion) {
             (Gain::Optimal, Some(_)) => Some(required_dt(input, "the optimal gain")?),
             _ => None,
@@ -192,7 +192,7 @@ impl ReducedGradient {
             Minor::Regular(..) => 0.0,
             Minor::Values => distance(&times(self.local.columns::<M>(), qd), &v),
         };
-        Ok(StepReport { status, scale: 1.0, damping, basis_changed, algorithmic: false, residual })
+        Ok(Step { status, scale: 1.0, damping, basis_changed, algorithmic: false, residual })
     }
 
     /// The basis of this step with what solves it, and whether it is another one than before.
@@ -402,7 +402,7 @@ impl Resolver for ReducedGradient {
         &self.local.task
     }
 
-    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         self.local.update(input, qd)?;
         by_dimension!(self.resolve(input, qd) for self.local.task.dim())
     }

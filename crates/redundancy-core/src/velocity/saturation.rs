@@ -26,7 +26,7 @@ use super::linear::{complement, distance, dot, times, write_rows};
 use super::local::{Local, by_dimension, required_dt};
 use super::pseudo_inverse::{Factor, PseudoInverse};
 use super::step_size::Gain;
-use super::{ActiveLimit, LimitKind, Resolver, StepInput, StepReport};
+use super::{ActiveLimit, LimitKind, Resolver, Step, StepInput};
 use crate::chain::{Chain, Limits};
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
@@ -122,9 +122,8 @@ impl SaturatedNullspace {
         })
     }
 
-    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let dt = required_dt(input, "the saturated scheme")?;
-        let n = self.local.chain.dof();
         self.bounds.update(&self.local.chain, input.q, input.qd, dt);
         self.active.clear();
         self.active.extend_from_slice(&self.bounds.outside);
@@ -134,7 +133,7 @@ impl SaturatedNullspace {
         let loss = self.inverse.loss(&factor);
         self.eta.iter_mut().zip(&self.local.ascent).for_each(|(eta, ascent)| *eta = self.gain * ascent);
 
-        let mut report = StepReport {
+        let mut report = Step {
             status: if loss.any() { Status::Singular } else { Status::Converged },
             scale: 1.0,
             damping: loss.damping,
@@ -157,8 +156,15 @@ impl SaturatedNullspace {
             return Ok(report);
         }
 
-        // The null space and the least joint velocity of the task.
-        let rank = match &factor {
+        let r = self.split_freedom::<M>(&factor, &v, lost);
+        self.limited::<M>(r, &v, lost, loss.any(), qd, &mut report);
+        Ok(report)
+    }
+
+    /// The null space with the wish in it, and the least joint velocity of the task; returns the degrees of redundancy.
+    fn split_freedom<const M: usize>(&mut self, factor: &Factor<M>, v: &[f64; M], lost: bool) -> usize {
+        let (n, columns) = (self.local.chain.dof(), self.local.columns::<M>());
+        let rank = match factor {
             Factor::Regular(_) => {
                 write_rows(columns, &mut self.rows);
                 M
@@ -176,10 +182,23 @@ impl SaturatedNullspace {
         }
         self.particular.fill(0.0);
         if !lost {
-            let Self { inverse, particular, eta, .. } = self;
-            eta.fill(0.0);
-            inverse.solve(&factor, columns, eta, &v, particular);
+            self.eta.fill(0.0);
+            self.inverse.solve(factor, columns, &self.eta, v, &mut self.particular);
         }
+        r
+    }
+
+    /// The largest scale of the task that the bounds allow, and the closest joint velocity to the wish at that scale.
+    fn limited<const M: usize>(
+        &mut self,
+        r: usize,
+        v: &[f64; M],
+        lost: bool,
+        loses: bool,
+        qd: &mut [f64],
+        report: &mut Step,
+    ) {
+        let (n, columns) = (self.local.chain.dof(), self.local.columns::<M>());
         let rows = Rows {
             n: &self.by_joint[..n * r],
             r,
@@ -205,7 +224,7 @@ impl SaturatedNullspace {
                 if report.status == Status::Converged && (s < 1.0 || !self.bounds.outside.is_empty()) {
                     report.status = Status::Limits;
                 }
-                if loss.any() {
+                if loses {
                     report.residual = distance(&times(columns, qd), &v.map(|v| report.scale * v));
                 }
             }
@@ -213,10 +232,9 @@ impl SaturatedNullspace {
                 self.bounds.approach(columns, &v, qd);
                 self.bounds.report(qd, &mut self.active);
                 report.status = Status::Limits;
-                report.residual = distance(&times(columns, qd), &v);
+                report.residual = distance(&times(columns, qd), v);
             }
         }
-        Ok(report)
     }
 }
 
@@ -327,7 +345,7 @@ impl Resolver for SaturatedNullspace {
         &self.local.task
     }
 
-    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<StepReport> {
+    fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         self.local.update(input, qd)?;
         by_dimension!(self.resolve(input, qd) for self.local.task.dim())
     }

@@ -268,9 +268,10 @@ impl SwivelFlow {
         }
         let motion = self.arm.self_motion(pose)?;
         if !motion.in_reach() {
-            return Err(Error::Invalid(format!("no swivel over this pose: {}", motion.reason())));
+            let question = self.question(pose);
+            return Err(Error::Invalid(format!("no swivel over this pose: {}{question}", motion.reason())));
         }
-        let here = At::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
+        let here = FlowPose::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
         Ok(match self.settings.form {
             FlowForm::Robust => here.robust(s, desired, dt),
             form => here.paper(s, desired, dt, form),
@@ -292,7 +293,7 @@ impl SwivelFlow {
             crate::error::check_length("desired", desired, times.len())?;
         }
         check_finite("desired", desired)?;
-        let mut run = Run::default();
+        let mut run = FlowRows::default();
         let mut interrupted = None;
         for (k, t) in times.iter().enumerate() {
             let wish = desired.get(k).or(desired.first()).copied().unwrap_or(0.0);
@@ -315,16 +316,17 @@ impl SwivelFlow {
         (t, before): (f64, Option<f64>),
         s0: f64,
         wish: f64,
-        run: &mut Run,
+        run: &mut FlowRows,
     ) -> Result<()> {
-        let at = arc_length(path, t);
+        let at = arc_length_at(path, t);
         let pose = path.at(at)?.pose;
         let motion = self.arm.self_motion(&pose)?;
         if !motion.in_reach() {
-            return Err(Error::Invalid(format!("t = {t} s: {}", motion.reason())));
+            let question = self.question(&pose);
+            return Err(Error::Invalid(format!("t = {t} s: {}{question}", motion.reason())));
         }
         let gap = before.map(|before| t - before);
-        let here = At::new(self, &motion, &pose, t, run.q.last().copied().zip(gap), run.rate);
+        let here = FlowPose::new(self, &motion, &pose, t, run.q.last().copied().zip(gap), run.rate);
         let step = match (gap, run.swivel.last(), self.settings.form) {
             (Some(dt), Some(s), FlowForm::Robust) => here.robust(*s, wish, dt),
             (Some(dt), Some(s), form) => here.paper(*s, wish, dt, form),
@@ -335,7 +337,7 @@ impl SwivelFlow {
         if let Some((before, gap)) = here.before {
             let (used, joint) = self.speed(&step.q, &before, gap);
             if used > 1.0 + SPEED_ROUNDING && run.fastest.is_none_or(|fastest| used > fastest.used) {
-                run.fastest = Some(TooFast { used, joint, row });
+                run.fastest = Some(FastStep { used, joint, row });
             }
         }
         if !step.within_limits && run.outside.is_none() {
@@ -353,7 +355,7 @@ impl SwivelFlow {
     }
 
     /// The rows with their verdict.
-    fn plan_of(&self, run: Run, mut times: Vec<f64>, interrupted: Option<Interrupted>) -> Result<Plan> {
+    fn plan_of(&self, run: FlowRows, mut times: Vec<f64>, interrupted: Option<Interrupted>) -> Result<Plan> {
         let rows = run.q.len();
         times.truncate(rows);
         let mut faults = self.faults(&run, &times);
@@ -425,8 +427,14 @@ impl SwivelFlow {
         most
     }
 
+    /// Asks about the unit of a pose that is far away.
+    fn question(&self, pose: &Pose) -> String {
+        let question = self.arm.chain().ask_about_millimetres([pose.translation.vector]);
+        question.map_or_else(String::new, |question| format!("; {question}"))
+    }
+
     /// What went wrong on the way.
-    fn faults(&self, run: &Run, times: &[f64]) -> Vec<String> {
+    fn faults(&self, run: &FlowRows, times: &[f64]) -> Vec<String> {
         let mut faults = Vec::new();
         if let Some(d) = run.clearance.first().filter(|d| **d < 0.0) {
             faults.push(format!("starts {:.3} mm inside an obstacle", -1e3 * d));
@@ -438,7 +446,7 @@ impl SwivelFlow {
         if let Some(k) = run.outside {
             faults.push(format!("leaves the joint limits at t = {:.3} s", times[k]));
         }
-        if let Some(TooFast { used, joint, row }) = run.fastest {
+        if let Some(FastStep { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
             let t = times[row];
             faults.push(format!("joint '{name}' turns at {used:.2} times its speed limit at t = {t:.3} s"));
@@ -449,7 +457,7 @@ impl SwivelFlow {
 
 /// A step with a joint above its speed limit: the share of the limit, the joint, the row at its end.
 #[derive(Debug, Clone, Copy)]
-struct TooFast {
+struct FastStep {
     used: f64,
     joint: usize,
     row: usize,
@@ -457,7 +465,7 @@ struct TooFast {
 
 /// The rows of [`SwivelFlow::follow`] so far.
 #[derive(Debug, Default)]
-struct Run {
+struct FlowRows {
     q: Vec<[f64; 7]>,
     swivel: Vec<f64>,
     clearance: Vec<f64>,
@@ -469,7 +477,7 @@ struct Run {
     /// The first row that breaks a joint limit.
     outside: Option<usize>,
     /// The step that exceeds a speed limit most.
-    fastest: Option<TooFast>,
+    fastest: Option<FastStep>,
 }
 
 /// Rows between two reports of the progress.
@@ -478,7 +486,7 @@ const REPORT_ROWS: usize = 256;
 const MAX_ROWS: f64 = 5e6;
 
 /// A step over one pose.
-struct At<'a> {
+struct FlowPose<'a> {
     flow: &'a SwivelFlow,
     motion: &'a SelfMotion,
     now: Now<'a>,
@@ -490,7 +498,7 @@ struct At<'a> {
 
 /// What a swivel would be like.
 #[derive(Clone, Copy)]
-struct Candidate {
+struct FlowCandidate {
     s: f64,
     distance: f64,
     q: [f64; 7],
@@ -501,7 +509,7 @@ struct Candidate {
     used: f64,
 }
 
-impl<'a> At<'a> {
+impl<'a> FlowPose<'a> {
     fn new(
         flow: &'a SwivelFlow,
         motion: &'a SelfMotion,
@@ -534,7 +542,7 @@ impl<'a> At<'a> {
 
     /// `held`: the limits hold before the step; where they are broken already they are left to the force, so that it does
     /// not chatter.
-    fn candidate(&self, s: f64, held: bool) -> Candidate {
+    fn candidate(&self, s: f64, held: bool) -> FlowCandidate {
         let (sin, cos) = s.sin_cos();
         let distance = self.rates_at([cos, sin]).distance;
         let (q, within_limits) = self.wound(&self.motion.branch_at([cos, sin], self.flow.settings.branch));
@@ -542,7 +550,7 @@ impl<'a> At<'a> {
         let fault = u8::from(distance < self.flow.settings.safe_distance) * 4
             + u8::from(held && !within_limits) * 2
             + u8::from(used > 1.0);
-        Candidate { s, distance, q, within_limits, fault, used }
+        FlowCandidate { s, distance, q, within_limits, fault, used }
     }
 
     fn result(&self, s: f64, rate: f64, corrected: bool) -> FlowStep {
@@ -657,7 +665,7 @@ impl<'a> At<'a> {
     }
 
     /// The same, or standing still where it would turn round for next to nothing and standing is no worse.
-    fn unless_turning(&self, step: Candidate, s: f64, dt: f64, held: bool, corrected: bool) -> FlowStep {
+    fn unless_turning(&self, step: FlowCandidate, s: f64, dt: f64, held: bool, corrected: bool) -> FlowStep {
         let rate = (step.s - s) / dt;
         let (before, mut out) = (self.rate.unwrap_or(0.0), step);
         if before * rate < 0.0 && rate.abs() < FLOW_TURN {
@@ -670,7 +678,7 @@ impl<'a> At<'a> {
     }
 }
 
-impl Candidate {
+impl FlowCandidate {
     fn step(self, rate: f64, corrected: bool) -> FlowStep {
         let Self { s, distance, q, within_limits, .. } = self;
         FlowStep { swivel: s, rate, distance, q, within_limits, corrected }
@@ -678,7 +686,7 @@ impl Candidate {
 }
 
 /// Arc length of a path at a time.
-fn arc_length(path: &Path, t: f64) -> f64 {
+fn arc_length_at(path: &Path, t: f64) -> f64 {
     let (Some(times), s) = (path.t(), path.s()) else { return 0.0 };
     let k = times.partition_point(|x| *x <= t).clamp(1, times.len() - 1);
     let share = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);

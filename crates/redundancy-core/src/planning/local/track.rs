@@ -124,8 +124,8 @@ pub fn track(
         Some(_) => TimedPath::new(path)?,
         None => TimedPath::new(&path.with_times(Some(&times_for(&*resolver, path, q0)?))?)?,
     };
-    let (first, rows) = (timed.span().0, rows_of(&timed, settings)?);
-    let mut run = Run::new(&chain, rows);
+    let (first, rows) = (timed.span().0, row_count(&timed, settings)?);
+    let mut run = TrackRows::new(&chain, rows);
     let mut now = q0.to_vec();
     let (mut speed, mut before) = (vec![0.0; chain.dof()], vec![0.0; chain.dof()]);
     let mut scratch = Scratch::new(&chain);
@@ -156,11 +156,11 @@ pub fn track(
         now.iter_mut().zip(&speed).for_each(|(q, qd)| *q += settings.dt * qd);
         before.copy_from_slice(&speed);
     }
-    run.finish(&chain, settings, interrupted)
+    run.finish(&chain, path, settings, interrupted)
 }
 
 /// Number of rows along a path with times.
-fn rows_of(timed: &TimedPath, settings: &TrackSettings) -> Result<usize> {
+fn row_count(timed: &TimedPath, settings: &TrackSettings) -> Result<usize> {
     let (first, last) = timed.span();
     if last > first && settings.dt > last - first {
         let bound = format!("<= {} s, the duration of the path", last - first);
@@ -190,18 +190,18 @@ impl Largest {
 }
 
 /// The rows of a run so far.
-struct Run {
+struct TrackRows {
     t: Vec<f64>,
     s: Vec<f64>,
     q: Vec<f64>,
     qd: Vec<f64>,
     poses: Vec<Pose>,
-    log: Log,
+    log: EventLog,
     position: Largest,
     orientation: Largest,
 }
 
-impl Run {
+impl TrackRows {
     fn new(chain: &Chain, rows: usize) -> Self {
         let n = chain.dof();
         Self {
@@ -210,7 +210,7 @@ impl Run {
             q: Vec::with_capacity(rows * n),
             qd: Vec::with_capacity(rows * n),
             poses: Vec::with_capacity(rows),
-            log: Log::new(chain.joints().iter().map(|j| j.name.clone()).collect()),
+            log: EventLog::new(chain.joints().iter().map(|j| j.name.clone()).collect()),
             position: Largest::default(),
             orientation: Largest::default(),
         }
@@ -227,6 +227,7 @@ impl Run {
     fn finish(
         self,
         chain: &Chain,
+        path: &Path,
         settings: &TrackSettings,
         interrupted: Option<Interrupted>,
     ) -> Result<Track> {
@@ -246,6 +247,7 @@ impl Run {
         let reasons: Vec<String> = [cut, astray, broken].into_iter().flatten().collect();
         let plan = PlanBuilder::new(trajectory, status)
             .reason(reasons.join("; "))
+            .asking_about_units(chain, path)
             .legal(legal)
             .proven(status == Status::Converged)
             .s(self.s)
@@ -322,7 +324,7 @@ fn times_for(resolver: &dyn Resolver, path: &Path, q0: &[f64]) -> Result<Vec<f64
 
 /// Events: what begins, not what lasts.
 #[derive(Debug)]
-struct Log {
+struct EventLog {
     names: Vec<String>,
     events: Vec<Event>,
     row: usize,
@@ -336,7 +338,7 @@ struct Log {
     beyond: Vec<bool>,
 }
 
-impl Log {
+impl EventLog {
     fn new(names: Vec<String>) -> Self {
         Self {
             beyond: vec![false; names.len()],
@@ -361,7 +363,7 @@ impl Log {
         self.events.push(Event { kind, index: self.row, t: self.t, s: self.s, message });
     }
 
-    fn step(&mut self, report: &crate::velocity::StepReport, resolver: &dyn Resolver) {
+    fn step(&mut self, report: &crate::velocity::Step, resolver: &dyn Resolver) {
         if report.basis_changed {
             self.push(EventKind::BasisChange, format!("dependent joints are now {:?}", resolver.basis()));
         }

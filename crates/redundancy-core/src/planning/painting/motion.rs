@@ -16,7 +16,8 @@ use nalgebra::{Const, Dim, DimMin, Matrix3, SMatrix, SVector, Vector3};
 
 use super::curve::{CurvePoint, Turned};
 use crate::chain::{Body, Chain};
-use crate::kinematics::{DynamicsScratch, SplitDerivatives, rotation_vector};
+use crate::error::Result;
+use crate::kinematics::{Corrector, CorrectorSettings, DynamicsScratch, SplitDerivatives, StepBound, Task};
 use crate::pose::Pose;
 use crate::tolerance::{JOINT_JUMP, LINE_RESIDUAL, LINE_SINGULAR};
 
@@ -25,18 +26,27 @@ pub(super) trait Size: Dim + DimMin<Self, Output = Self> {}
 
 impl<const N: usize> Size for Const<N> where Const<N>: DimMin<Self, Output = Self> {}
 
-/// Most Newton steps onto a place of the path.
-const NEWTON_STEPS: usize = 10;
+/// Newton's method onto a place of the path.
+const MEET: CorrectorSettings = CorrectorSettings {
+    steps: 10,
+    bound: StepBound::Length(f64::INFINITY),
+    strict: false,
+    last_step: 0.0,
+    last_error: LINE_RESIDUAL,
+    singular: LINE_SINGULAR,
+    travel: JOINT_JUMP,
+};
 
 /// Parameters, and derivatives, at one place.
 pub(super) type Parameters<const M: usize> = [[f64; M]; 3];
 
 /// What one place needs; reused.
+#[derive(Clone)]
 pub(super) struct Workspace<const N: usize> {
     axes: [[Vector3<f64>; 3]; N],
     origins: [[Vector3<f64>; 3]; N],
     dynamics: DynamicsScratch,
-    scratch: crate::kinematics::Scratch,
+    corrector: Corrector,
 }
 
 /// The arm's motion at one place, per unit of arc length.
@@ -71,10 +81,13 @@ pub(super) struct Arm<'a, const N: usize> {
 }
 
 impl<const N: usize> Workspace<N> {
-    pub fn new(chain: &Chain) -> Self {
+    /// # Errors
+    /// As [`Corrector::with_coordinates`].
+    pub fn new(chain: &Chain) -> Result<Self> {
         let zero = [[Vector3::zeros(); 3]; N];
-        let scratch = crate::kinematics::Scratch::new(chain);
-        Self { axes: zero, origins: zero, dynamics: DynamicsScratch::new(chain), scratch }
+        let spare = vec![0.0; N.saturating_sub(6) * N];
+        let corrector = Corrector::with_coordinates(chain, Task::POSE, &Pose::identity(), &spare)?;
+        Ok(Self { axes: zero, origins: zero, dynamics: DynamicsScratch::new(chain), corrector })
     }
 }
 
@@ -82,25 +95,15 @@ impl<const N: usize> Arm<'_, N>
 where
     Const<N>: Size,
 {
-    /// Square Jacobian and pose.
-    fn jacobian(&self, q: &SVector<f64, N>, work: &mut Workspace<N>) -> (SMatrix<f64, N, N>, Pose) {
-        let kinematics = self.chain.kinematics_unchecked(q.as_slice(), &mut work.scratch);
+    /// Square Jacobian of pose and spare coordinates; the axes go into `work`.
+    fn jacobian(&self, q: &SVector<f64, N>, work: &mut Workspace<N>) -> SMatrix<f64, N, N> {
+        work.corrector.evaluate(q.as_slice());
+        let kinematics = work.corrector.kinematics();
         for (j, (z, o)) in kinematics.axes().iter().zip(kinematics.origins()).enumerate().take(N) {
             work.axes[j][0] = *z;
             work.origins[j][0] = *o;
         }
-        let mut jacobian = SMatrix::<f64, N, N>::zeros();
-        for (j, column) in kinematics.jacobian().column_iter().enumerate().take(N) {
-            for i in 0..6 {
-                jacobian[(i, j)] = column[i];
-            }
-        }
-        for (i, row) in self.spare.iter().enumerate() {
-            for j in 0..N {
-                jacobian[(6 + i, j)] = row[j];
-            }
-        }
-        (jacobian, *kinematics.pose())
+        SMatrix::from_column_slice(work.corrector.jacobian())
     }
 
     /// Moves `q` onto the pose and the spare coordinates. `None` where that fails or jumps.
@@ -111,30 +114,11 @@ where
         q: &mut SVector<f64, N>,
         work: &mut Workspace<N>,
     ) -> Option<()> {
-        let start = *q;
-        for _ in 0..NEWTON_STEPS {
-            let (jacobian, pose) = self.jacobian(q, work);
-            let mut error = SVector::<f64, N>::zeros();
-            let p = wanted.translation.vector - pose.translation.vector;
-            let r = rotation_vector(&(wanted.rotation * pose.rotation.inverse()));
-            for i in 0..3 {
-                error[i] = p[i];
-                error[3 + i] = r[i];
-            }
-            for (i, row) in self.spare.iter().enumerate() {
-                error[6 + i] = spare.get(i).copied().unwrap_or(0.0) - row.dot(q);
-            }
-            let step = solve(&jacobian, &error)?;
-            *q += step;
-            let near = (*q - start).amax() <= JOINT_JUMP;
-            if !near {
-                return None;
-            }
-            if error.amax() < LINE_RESIDUAL {
-                return Some(());
-            }
+        work.corrector.set_target(wanted);
+        for (k, (row, value)) in self.spare.iter().zip(spare).enumerate() {
+            work.corrector.hold(k, row.as_slice(), *value);
         }
-        None
+        work.corrector.solve(q.as_mut_slice(), &MEET).then_some(())
     }
 
     /// The motion at a place, from a configuration nearby; with its sensitivity where that is asked for.
@@ -151,8 +135,7 @@ where
         let wanted = crate::pose::pose(*turned.rotation.matrix(), point.position[0]);
         let mut q = *near;
         self.meet(&wanted, &u[0][3..], &mut q, work)?;
-        let (jacobian, _) = self.jacobian(&q, work);
-        let factor = jacobian.lu();
+        let factor = self.jacobian(&q, work).lu();
         if !regular(&factor.u().diagonal()) {
             return None;
         }
@@ -315,15 +298,6 @@ fn columns<const N: usize, const M: usize>(turned: &Turned, order: usize) -> SMa
         (6.., 3..) if order == 0 && i - 6 == j - 3 => 1.0,
         _ => 0.0,
     })
-}
-
-/// `J^-1 e`, `None` near a singular configuration.
-fn solve<const N: usize>(jacobian: &SMatrix<f64, N, N>, error: &SVector<f64, N>) -> Option<SVector<f64, N>>
-where
-    Const<N>: Size,
-{
-    let factor = jacobian.lu();
-    if regular(&factor.u().diagonal()) { factor.solve(error) } else { None }
 }
 
 /// Whether pivots leave digits for second derivatives; false for NaN.

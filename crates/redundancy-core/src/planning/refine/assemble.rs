@@ -1,9 +1,9 @@
 //! The reduced system of a line.
 
 use super::banded::Banded;
-use super::interior::Goal;
-use super::linear::{CHUNK, Linear, dot};
-use super::rows::reduce;
+use super::goal::Goal;
+use super::linear::Linear;
+use super::row::{CHUNK, dot, reduce};
 use crate::parallel::prelude::*;
 
 impl Linear<'_> {

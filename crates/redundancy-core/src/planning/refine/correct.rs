@@ -2,7 +2,8 @@
 
 use super::super::demand::Demand;
 use super::super::tool::MOST_ROWS;
-use super::linear::{CHUNK, LONGEST, Linear};
+use super::linear::Linear;
+use super::row::{CHUNK, LONGEST};
 use crate::kinematics::{NullSpace, Scratch};
 use crate::parallel::prelude::*;
 

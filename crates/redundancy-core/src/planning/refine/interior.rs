@@ -1,20 +1,11 @@
 //! The iteration: linearise, solve, search along the line, lower the barrier.
 
-use super::super::demand::{Demand, Objective};
+use super::super::demand::Demand;
 use super::banded::Banded;
-use super::linear::{Linear, Sets, screened};
+use super::bounds::{Sets, screened};
+use super::goal::Goal;
+use super::linear::Linear;
 use crate::watch::Watch;
-
-/// What is minimised.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in super::super) enum Goal {
-    /// The cost.
-    Cost,
-    /// The cost, with the weighted joint speeds below a cap.
-    Capped(f64),
-    /// The cost and the largest weighted joint speed: this many times as important, relative to where it starts.
-    Peak(f64),
-}
 
 /// How far a refinement goes.
 #[derive(Debug, Clone, Copy)]
@@ -32,6 +23,27 @@ pub(in super::super) struct Refinement<'a> {
     pub watch: Option<&'a Watch>,
 }
 
+impl Refinement<'_> {
+    /// On some of the rows, to compare lines.
+    pub const COARSE: Self = Self {
+        goal: Goal::Cost,
+        barrier: 1e-1,
+        last_barrier: 1e-5,
+        slope: 1e-4,
+        iterations: 60,
+        watch: None,
+    };
+    /// To a local optimum.
+    pub const FINE: Self = Self {
+        goal: Goal::Cost,
+        barrier: 1e-3,
+        last_barrier: 1e-7,
+        slope: 1e-7,
+        iterations: 100,
+        watch: None,
+    };
+}
+
 /// A refined line.
 #[derive(Debug, Clone)]
 pub(in super::super) struct Refined {
@@ -45,6 +57,13 @@ pub(in super::super) struct Refined {
     pub iterations: usize,
     /// True where slope and barrier are as small as asked for.
     pub converged: bool,
+}
+
+impl Refined {
+    /// Whether no bound is broken by more than rounding explains.
+    pub fn is_legal(&self) -> bool {
+        self.violation <= LEGAL
+    }
 }
 
 /// Refines a line that meets the equations; `None` where a row is lost.
@@ -124,19 +143,6 @@ impl<'a> Interior<'a> {
                 system = self.linear.linearise(self.mu);
             }
             iterations += 1;
-            #[allow(clippy::print_stderr)]
-            if std::env::var_os("TRACE").is_some() {
-                eprintln!(
-                    "{} rows it {iterations} mu {:.1e} slope {:.1e}/{:.1e} gap {:.1e} infeas {:.1e} f {:.8} stalled {stalled}",
-                    self.demand.rows(),
-                    self.mu / self.unit,
-                    residual.slope,
-                    force,
-                    residual.gap / self.mu,
-                    residual.infeasibility,
-                    self.linear.objective()
-                );
-            }
             let system = self.factored(system)?;
             let improved = self.step(&system)?;
             stalled = if improved { 0 } else { stalled + 1 };
@@ -224,13 +230,6 @@ impl<'a> Interior<'a> {
                     let gained = trial.merit < merit - noise
                         || trial.infeasibility < 0.9 * infeasibility
                         || alpha * direction.size > STANDSTILL;
-                    #[allow(clippy::print_stderr)]
-                    if std::env::var_os("TRACE").is_some() {
-                        eprintln!(
-                            "   alpha {alpha:.2e} longest {:.2e} size {:.2e} slope {:.2e} descent {descent}",
-                            direction.longest, direction.size, direction.slope
-                        );
-                    }
                     self.linear.accept(trial, &direction, alpha, self.mu);
                     return Some(gained);
                 }
@@ -246,11 +245,8 @@ impl<'a> Interior<'a> {
     }
 }
 
-/// Whether the length of the steps is minimised.
-pub(super) fn is_length(demand: &Demand) -> bool {
-    demand.objective == Objective::Length
-}
-
+/// Violation (rad or m) that rounding explains.
+pub(in super::super) const LEGAL: f64 = 1e-9;
 /// Least damping as a share of the stiffness of the motion, how it rises and falls, and how often.
 const LEAST_SHIFT: f64 = 1e-5;
 const SHIFT_RISE: f64 = 8.0;

@@ -2,9 +2,9 @@
 
 use super::super::demand::Demand;
 use super::banded::Banded;
-use super::bounds::{LEAST_SLACK, NEAR_SLACK, Sets, barrier, infeasibility, step_bound, violation};
-use super::interior::{Goal, is_length};
-use super::rows::Row;
+use super::bounds::{LEAST_SLACK, NEAR_SLACK, Sets, barrier, infeasibility, violation};
+use super::goal::{Goal, is_length};
+use super::row::{LONGEST, Row, dot};
 
 /// What is linear about one step: `diag(stiffness) - rank rank^T`, and the gradient along the step.
 #[derive(Debug, Clone)]
@@ -377,19 +377,6 @@ fn smoothing(demand: &Demand, step: usize) -> f64 {
     (LENGTH_SMOOTHING * demand.step_share[step]).powi(2)
 }
 
-#[inline(always)]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Rows of one task of the pool.
-pub(super) const CHUNK: usize = 32;
-/// Least slack of a start: rad or m, for cone and spin in their own scale, for steps as a share of the largest.
-const LEAST_SLACK: f64 = 1e-2;
-/// Share of the scale up to which a bound counts as met: then its slack starts further inside.
-const NEAR_SLACK: f64 = 1e-3;
-/// Largest joint step of an iteration, rad or m.
-pub(super) const LONGEST: f64 = 0.4;
 /// Share of the way to the boundary that a step may go.
 const BOUNDARY: f64 = 0.995;
 /// Largest factor between a multiplier and the central path.

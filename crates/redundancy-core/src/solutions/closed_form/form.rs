@@ -97,6 +97,12 @@ pub trait ClosedForm: Debug + Send + Sync {
         self.defect().largest() <= CLOSED_FORM_EXACT
     }
 
+    /// Whether it is exact that there is no configuration over `pose`, or none within the limits. Asked only where that is so.
+    fn proves(&self, pose: &Pose) -> bool {
+        let _ = pose;
+        self.exact()
+    }
+
     /// The arm as its own type.
     fn as_any(&self) -> &dyn Any;
 }

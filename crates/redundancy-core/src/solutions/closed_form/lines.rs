@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::chain::Chain;
-use crate::solutions::Line;
+use crate::solutions::AxisLine;
 
 /// Angle in `[0, pi/2]` between two lines with these unit directions.
 pub(super) fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
@@ -16,7 +16,7 @@ pub(super) fn angle_of(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
 }
 
 /// The point half-way between two lines that are not parallel, where they are nearest to each other, and the gap there.
-pub(super) fn meeting(a: &Line, b: &Line) -> (Vector3<f64>, f64) {
+pub(super) fn meeting(a: &AxisLine, b: &AxisLine) -> (Vector3<f64>, f64) {
     let (u, v) = (a.direction, b.direction);
     let d = b.point - a.point;
     let uv = u.dot(&v);
@@ -28,7 +28,12 @@ pub(super) fn meeting(a: &Line, b: &Line) -> (Vector3<f64>, f64) {
 }
 
 /// The point of a line at this coordinate along `m`, counted from `origin`.
-pub(super) fn foot_at(line: &Line, m: &Vector3<f64>, origin: &Vector3<f64>, coordinate: f64) -> Vector3<f64> {
+pub(super) fn foot_at(
+    line: &AxisLine,
+    m: &Vector3<f64>,
+    origin: &Vector3<f64>,
+    coordinate: f64,
+) -> Vector3<f64> {
     line.point + line.direction * ((coordinate - (line.point - origin).dot(m)) / line.direction.dot(m))
 }
 
@@ -38,9 +43,8 @@ pub(super) fn not_turning(chain: &Chain) -> Option<String> {
     Some(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()))
 }
 
-#[cfg(feature = "panda-class")]
 /// The point nearest to three lines (least squares); `None` where they are parallel.
-pub(super) fn common_point(lines: &[Line]) -> Option<Vector3<f64>> {
+pub(super) fn common_point(lines: &[AxisLine]) -> Option<Vector3<f64>> {
     let first = lines.first()?.point;
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for line in lines {

@@ -6,9 +6,9 @@
 
 mod form;
 mod gimbal;
+mod interval;
 mod lanes;
 mod lines;
-#[cfg(feature = "panda-class")]
 pub mod panda_class;
 pub mod parallel_axes;
 mod polish;

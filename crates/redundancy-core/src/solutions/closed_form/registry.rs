@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::form::ClosedForm;
+use super::panda_class::PandaClassArm;
 use super::parallel_axes::ParallelAxesArm;
 use super::spherical_wrist::SphericalWristArm;
 use super::srs::SrsArm;
@@ -12,10 +13,11 @@ use crate::chain::Chain;
 type Recognise = fn(&Chain) -> Option<Arc<dyn ClosedForm>>;
 
 /// Every closed form, asked in this order.
-const FORMS: [Recognise; 3] = [
+const FORMS: [Recognise; 4] = [
     |chain| Some(Arc::new(SphericalWristArm::new(chain).ok()?)),
     |chain| Some(Arc::new(ParallelAxesArm::new(chain).ok()?)),
     |chain| Some(Arc::new(SrsArm::new(chain).ok()?)),
+    |chain| Some(Arc::new(PandaClassArm::new(chain).ok()?)),
 ];
 
 /// The closed form of `chain`; `None` where it has none that is known.

@@ -1,6 +1,6 @@
 //! What became of a plan of the swivel, and why: points without a configuration, limits, reconfigurations.
 
-use super::problem::{Line, Problem};
+use super::problem::{SwivelLine, SwivelProblem};
 use super::settings::SwivelChoice;
 use crate::chain::Chain;
 use crate::error::Result;
@@ -18,12 +18,12 @@ use crate::watch::Interrupted;
 
 /// A line as far as it goes, and the verdict on it.
 #[derive(Debug, Clone)]
-pub(in crate::planning) struct Outcome {
+pub(in crate::planning) struct SwivelOutcome {
     status: Status,
     reason: String,
     /// Whether the verdict is exact.
     proven: bool,
-    line: Line,
+    line: SwivelLine,
     /// Why, for each reconfiguration of the line.
     obstructions: Vec<String>,
     blocked: Vec<BlockedPoint>,
@@ -32,13 +32,13 @@ pub(in crate::planning) struct Outcome {
     cost: Option<f64>,
 }
 
-impl Outcome {
+impl SwivelOutcome {
     fn without_line(status: Status, reason: String) -> Self {
         Self {
             status,
             reason,
             proven: false,
-            line: Line::default(),
+            line: SwivelLine::default(),
             obstructions: Vec::new(),
             blocked: Vec::new(),
             clearance: None,
@@ -87,6 +87,7 @@ impl Outcome {
         let mut builder =
             swivel_plan(Trajectory::new(names, t, q, None, events)?, status, line.swivel, line.branch)
                 .reason(reason)
+                .asking_about_units(chain, path)
                 .proven(proven)
                 .legal(status == Status::Converged)
                 .reconfigurations(changes)
@@ -115,9 +116,9 @@ pub(in crate::planning) fn swivel_plan(
     PlanBuilder::new(trajectory, status).spare("swivel", swivel).pieces(branch, labels)
 }
 
-impl Problem<'_> {
+impl SwivelProblem<'_> {
     /// The outcome when points have no configuration within the limits.
-    pub fn blocked(&self) -> Option<Outcome> {
+    pub fn blocked(&self) -> Option<SwivelOutcome> {
         let blocked: Vec<usize> = self.where_all(|k| self.circles[k].status() != Status::Converged);
         let k = *blocked.first()?;
         let (count, n, motion) = (blocked.len(), self.circles.len(), &self.circles[k]);
@@ -131,11 +132,11 @@ impl Problem<'_> {
             BlockedPoint { row, status: motion.status(), reason: motion.reason() }
         };
         let blocked = blocked.into_iter().map(point).collect();
-        Some(Outcome { proven: true, blocked, ..Outcome::without_line(motion.status(), reason) })
+        Some(SwivelOutcome { proven: true, blocked, ..SwivelOutcome::without_line(motion.status(), reason) })
     }
 
     /// The verdict on a line, with the reason where it is not whole.
-    pub fn finish(&self, line: Line) -> Outcome {
+    pub fn finish(&self, line: SwivelLine) -> SwivelOutcome {
         let n = self.circles.len();
         if let Some(outcome) = (line.q.len() < n).then(|| self.behind_obstacles()).flatten() {
             return outcome;
@@ -170,11 +171,11 @@ impl Problem<'_> {
             self.cost_of(&line.swivel, &line.q, clearance.as_ref().unwrap_or(&free()))
         });
         let cost = cost.filter(|cost| cost.is_finite());
-        Outcome { status, reason, proven, line, obstructions, blocked, clearance, cost }
+        SwivelOutcome { status, reason, proven, line, obstructions, blocked, clearance, cost }
     }
 
     /// Distance from the obstacles along a line.
-    fn clearance(&self, line: &Line) -> Option<Vec<f64>> {
+    fn clearance(&self, line: &SwivelLine) -> Option<Vec<f64>> {
         let o = self.obstacles.as_ref()?;
         let mut scratch = Scratch::new(self.arm.chain());
         Some(line.q.iter().enumerate().map(|(k, q)| o.arm.at_q(q, o.scene(k), &mut scratch)).collect())
@@ -209,7 +210,7 @@ impl Problem<'_> {
     }
 
     /// The outcome when obstacles cover every configuration within the limits of some points.
-    fn behind_obstacles(&self) -> Option<Outcome> {
+    fn behind_obstacles(&self) -> Option<SwivelOutcome> {
         self.obstacles.as_ref()?;
         let n = self.circles.len();
         let blocked: Vec<BlockedPoint> = (0..n)
@@ -225,7 +226,7 @@ impl Problem<'_> {
             "{count} of {n} points {verb} blocked by obstacles at every swivel; the first is point {}: {}",
             first.row, first.reason
         );
-        Some(Outcome { blocked, ..Outcome::without_line(Status::Collision, reason) })
+        Some(SwivelOutcome { blocked, ..SwivelOutcome::without_line(Status::Collision, reason) })
     }
 
     /// Which limits the branches break at the fixed swivel of point `k`, the least bad first.
@@ -247,7 +248,7 @@ impl Problem<'_> {
     }
 
     /// What stands in the way of going on as before at a reconfiguration.
-    fn step_reason(&self, k: usize, line: &Line) -> String {
+    fn step_reason(&self, k: usize, line: &SwivelLine) -> String {
         let all = self.circles[k].all_branches(line.swivel[k - 1]);
         let q = &all[line.branch[k - 1]];
         for i in 0..7 {

@@ -5,15 +5,15 @@ use std::f64::consts::PI;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::clearance::{ArmClearance, OverPose};
+use super::obstacles::SceneAlongPath;
 use super::settings::{SwivelChoice, SwivelPlanSettings};
+use super::windings::Windings;
 use crate::criterion::{Manipulability, Measure};
 use crate::error::Result;
-use crate::joint_space::{TURN, holds, turned, turns_over, turns_within};
+use crate::joint_space::{TURN, holds, nearest};
 use crate::kinematics::{Scratch, Task};
 use crate::parallel::prelude::*;
 use crate::path::Path;
-use crate::scene::Scene;
 use crate::solutions::{SelfMotion, SrsArm};
 use crate::tolerance::JOINT_JUMP;
 
@@ -24,156 +24,10 @@ const MANIPULABILITY_SAMPLES: usize = 2_000;
 const CLEARANCE_STEEP: f64 = 100.0;
 /// Largest value of the limit term of one joint: at the limit itself it would be infinite.
 const LIMIT_CAP: f64 = 1e3;
-/// Distance (m) from obstacles beyond which distances need not be told apart, at least.
-const CLEARANCE_BEYOND: f64 = 0.05;
-/// Halvings of a step between points until it is known whether it touches an obstacle; what is still open then touches.
-const EDGE_HALVINGS: usize = 12;
-/// Most windings of all joints together. Beyond, the later joints count as free, and the line is checked at its end.
-const MAX_WINDINGS: usize = 243;
 
-/// Windings as one number: digit i is the turns added to joint i, less the least that its limits admit.
-pub(in crate::planning) struct Windings {
-    least: [i32; 7],
-    count: [usize; 7],
-    stride: [usize; 7],
-    pub total: usize,
-    /// Turns of each joint by code.
-    pub turns: Vec<[f64; 7]>,
-    /// Whether principal values that wrap are the same position, or another winding of it; else the joint cannot turn so
-    /// far.
-    pub wraps: [bool; 7],
-}
-
-impl Windings {
-    fn new(lower: &[f64; 7], upper: &[f64; 7]) -> Self {
-        let (mut least, mut count, mut stride, mut total) = ([0; 7], [1; 7], [0; 7], 1usize);
-        let mut wraps = [false; 7];
-        for i in 0..7 {
-            if lower[i] == f64::NEG_INFINITY || upper[i] == f64::INFINITY {
-                wraps[i] = true;
-                continue;
-            }
-            // Principal values are in (-pi, pi]: turns k for which (-pi, pi] + k turns meets the range.
-            let (a, b) = (lower[i].max(-2.0 * TURN), upper[i].min(2.0 * TURN));
-            let [first, last] = turns_within([-PI, PI], a, b);
-            least[i] = first as i32;
-            count[i] = (last as i32 - least[i] + 1).clamp(1, 5) as usize;
-            if total * count[i] > MAX_WINDINGS {
-                (count[i], least[i]) = (1, 0);
-                wraps[i] = true;
-                continue;
-            }
-            wraps[i] = count[i] > 1;
-            stride[i] = total;
-            total *= count[i];
-        }
-        let mut windings = Self { least, count, stride, total, turns: Vec::new(), wraps };
-        windings.turns = (0..total).map(|code| windings.turns_of(code)).collect();
-        windings
-    }
-
-    fn turns_of(&self, code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| {
-            let digit = if self.count[i] > 1 { code / self.stride[i] % self.count[i] } else { 0 };
-            f64::from(self.least[i] + digit as i32)
-        })
-    }
-
-    /// Whether the windings of a joint are states of their own.
-    #[inline(always)]
-    pub fn counts(&self, joint: usize) -> bool {
-        self.count[joint] > 1
-    }
-
-    /// Whether a joint has no limits, so that all of its windings are alike.
-    #[inline(always)]
-    pub fn free(&self, joint: usize) -> bool {
-        self.wraps[joint] && self.count[joint] == 1
-    }
-
-    /// The joints whose windings count.
-    pub fn several(&self) -> impl Iterator<Item = usize> {
-        (0..7).filter(|i| self.counts(*i))
-    }
-
-    /// Positions of a node with the windings of a code.
-    pub fn wound(&self, q: &[f64; 7], code: usize) -> [f64; 7] {
-        std::array::from_fn(|i| if self.counts(i) { turned(q[i], self.turns[code][i]) } else { q[i] })
-    }
-
-    /// The code from which one comes to `code` by `turns` full turns less; `None` where a joint has no such winding.
-    pub fn shifted(&self, code: usize, turns: &[i32; 7]) -> Option<usize> {
-        let mut out = code;
-        for i in self.several() {
-            let digit = (code / self.stride[i] % self.count[i]) as i32 + turns[i];
-            if digit < 0 || digit >= self.count[i] as i32 {
-                return None;
-            }
-            out = out.wrapping_add_signed(self.stride[i] as isize * turns[i] as isize);
-        }
-        Some(out)
-    }
-}
-
-/// Full turns by which `b` is further than the short way from `a`, of the joints that may wrap.
-#[inline(always)]
-pub(in crate::planning) fn turns_between(windings: &Windings, a: &[f64; 7], b: &[f64; 7]) -> [i32; 7] {
-    std::array::from_fn(|i| if windings.wraps[i] { turns_over(b[i] - a[i]) } else { 0 })
-}
-
-/// The obstacles along the path.
-pub(in crate::planning) struct Obstacles {
-    pub arm: ArmClearance,
-    /// The scene at time 0, and the times of the points where something moves.
-    base: Scene,
-    times: Option<Vec<f64>>,
-    /// The scene at each point; one for all where nothing moves.
-    scenes: Vec<Scene>,
-    over: Vec<Option<OverPose>>,
-    /// Speed of the fastest obstacle times the time between points, m.
-    moved: Vec<f64>,
-    /// How far the arm reaches beyond each joint: what a point of it moves per rad, m.
-    reach: [f64; 7],
-}
-
-impl Obstacles {
-    fn new(arm: &SrsArm, path: &Path, scene: &Scene, settings: &SwivelPlanSettings) -> Result<Self> {
-        let near = ArmClearance::new(arm, settings.link_radius)?;
-        let times = path.t().filter(|_| scene.moves()).map(<[f64]>::to_vec);
-        let scenes: Vec<Scene> = match &times {
-            Some(t) => t.iter().map(|t| scene.at(*t)).collect(),
-            None => vec![scene.clone()],
-        };
-        let fastest = scene.obstacles().iter().map(|o| o.velocity.norm()).fold(0.0, f64::max);
-        let moved = match &times {
-            Some(t) => t.windows(2).map(|w| fastest * (w[1] - w[0])).collect(),
-            None => vec![0.0; path.len().saturating_sub(1)],
-        };
-        let beyond = settings.wanted_clearance.max(CLEARANCE_BEYOND);
-        let over = path
-            .poses()
-            .par_iter()
-            .enumerate()
-            .map(|(k, pose)| near.over(pose, &scenes[k.min(scenes.len() - 1)], beyond))
-            .collect();
-        let reach = reach(arm);
-        Ok(Self { arm: near, base: scene.clone(), times, scenes, over, moved, reach })
-    }
-
-    pub fn scene(&self, k: usize) -> &Scene {
-        &self.scenes[k.min(self.scenes.len() - 1)]
-    }
-
-    /// How far any point of the arm moves at most against any obstacle between point `k` and the next.
-    fn travel(&self, k: usize, [a, b]: [&[f64; 7]; 2]) -> f64 {
-        let turned: f64 = (0..7).map(|i| self.reach[i] * (b[i] - a[i]).abs()).sum();
-        turned + self.moved[k]
-    }
-}
-
-/// A choice for every point.
+/// A choice for every point, and what it costs by the search that found it.
 #[derive(Debug, Clone, Default)]
-pub(in crate::planning) struct Line {
+pub(in crate::planning) struct SwivelLine {
     pub branch: Vec<usize>,
     pub swivel: Vec<f64>,
     pub q: Vec<[f64; 7]>,
@@ -181,7 +35,8 @@ pub(in crate::planning) struct Line {
     pub cost: f64,
 }
 
-pub(in crate::planning) struct Problem<'a> {
+/// See the module.
+pub(in crate::planning) struct SwivelProblem<'a> {
     pub arm: &'a SrsArm,
     pub settings: &'a SwivelPlanSettings,
     pub circles: Vec<SelfMotion>,
@@ -194,31 +49,15 @@ pub(in crate::planning) struct Problem<'a> {
     pub parts: Vec<f64>,
     /// Largest joint steps between point k and k + 1.
     pub steps: Vec<[f64; 7]>,
-    pub windings: Windings,
+    pub(super) windings: Windings,
     pub branches: Vec<usize>,
-    pub obstacles: Option<Obstacles>,
+    pub(super) obstacles: Option<SceneAlongPath>,
     /// Where the manipulability counts: its measure, and the largest value seen.
     dexterity: Option<(Manipulability, f64)>,
     /// Numbers of the points on the path.
     points: Vec<usize>,
     /// Dearer than any path: the fewest reconfigurations come first.
     pub reconfiguration: f64,
-}
-
-/// How far the arm reaches beyond each joint at most, m.
-fn reach(arm: &SrsArm) -> [f64; 7] {
-    let mut scratch = Scratch::new(arm.chain());
-    let kinematics = arm.chain().kinematics_unchecked(&[0.0; 7], &mut scratch);
-    let origins = kinematics.origins();
-    let mut reach = [0.0; 7];
-    let mut beyond = 0.0;
-    for i in (0..7).rev() {
-        // The origins of neighbouring joints keep their distance.
-        let next = origins.get(i + 1).unwrap_or(&kinematics.pose().translation.vector);
-        beyond += (next - origins[i]).norm();
-        reach[i] = beyond;
-    }
-    reach
 }
 
 /// More than any path without reconfigurations costs.
@@ -248,7 +87,7 @@ fn best_manipulability(arm: &SrsArm, measure: &Manipulability) -> f64 {
     best
 }
 
-impl<'a> Problem<'a> {
+impl<'a> SwivelProblem<'a> {
     pub fn new(
         arm: &'a SrsArm,
         path: &Path,
@@ -259,7 +98,7 @@ impl<'a> Problem<'a> {
         let t = path.t();
         let obstacles = match settings.scene.as_ref().filter(|scene| !scene.obstacles().is_empty()) {
             None => None,
-            Some(scene) => Some(Obstacles::new(arm, path, scene, settings)?),
+            Some(scene) => Some(SceneAlongPath::new(arm, path, scene, settings)?),
         };
         let dexterity = (settings.manipulability_weight > 0.0).then(|| {
             let measure = Manipulability::with_measure(arm.chain(), Task::POSE, Measure::Sqrt);
@@ -333,7 +172,7 @@ impl<'a> Problem<'a> {
     pub fn distances(&self, k: usize, s: f64, q: &[[f64; 7]; 8], scratch: &mut Scratch) -> [f64; 8] {
         match &self.obstacles {
             None => [f64::INFINITY; 8],
-            Some(o) => o.arm.of_branches(&self.circles[k], o.over[k].as_ref(), o.scene(k), s, q, scratch),
+            Some(o) => o.arm.of_branches(&self.circles[k], o.over(k), o.scene(k), s, q, scratch),
         }
     }
 
@@ -341,7 +180,7 @@ impl<'a> Problem<'a> {
     pub fn distance(&self, k: usize, s: f64, q: &[f64; 7], scratch: &mut Scratch) -> f64 {
         match &self.obstacles {
             None => f64::INFINITY,
-            Some(o) => o.arm.of_one(&self.circles[k], o.over[k].as_ref(), o.scene(k), s, q, scratch),
+            Some(o) => o.arm.of_one(&self.circles[k], o.over(k), o.scene(k), s, q, scratch),
         }
     }
 
@@ -408,7 +247,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Cost of being at `q` with swivel `s` at point `k`, times the part of the path that belongs to the point; `place`
-    /// is [`Problem::place_cost`].
+    /// is [`SwivelProblem::place_cost`].
     pub fn node_cost(&self, k: usize, q: &[f64; 7], s: f64, place: f64) -> f64 {
         let limits: f64 = self.limit_costs(q).iter().sum();
         (place + self.wish_cost(k, s) + limits) * self.share(k)
@@ -435,42 +274,47 @@ impl<'a> Problem<'a> {
         Some(self.step_weight(k) * sum)
     }
 
+    /// Total cost of a line whose distances from the obstacles are known.
+    pub fn cost_of(&self, swivel: &[f64], q: &[[f64; 7]], near: &[f64]) -> f64 {
+        let init = || Scratch::new(self.arm.chain());
+        let points: Vec<f64> = (0..q.len())
+            .into_par_iter()
+            .map_init(init, |scratch, k| {
+                let place = self.place_cost(&q[k], near[k], scratch);
+                place.map_or(f64::INFINITY, |place| self.node_cost(k, &q[k], swivel[k], place))
+            })
+            .collect();
+        // In order, so that the sum does not depend on the threads.
+        let mut total: f64 = points.iter().sum();
+        for k in 1..q.len() {
+            total += self.step_cost(k - 1, &q[k - 1], &q[k]).unwrap_or(f64::INFINITY);
+        }
+        if self.settings.acceleration_weight > 0.0 {
+            for k in 1..q.len() - 1 {
+                let (a, b) = (1.0 / self.parts[k - 1], 1.0 / self.parts[k]);
+                let share = 0.5 * (self.parts[k - 1] + self.parts[k]);
+                let square: f64 =
+                    (0..7).map(|i| ((q[k + 1][i] - q[k][i]) * b - (q[k][i] - q[k - 1][i]) * a).powi(2)).sum();
+                total += self.settings.acceleration_weight * square / share;
+            }
+        }
+        total
+    }
+
     /// Whether the arm is clear of the obstacles all the way between point `k` and the next, when its joints go straight
-    /// from `a` to `b`: as far as it moves at most, the distance cannot fall. `near`: the distances at both.
+    /// from `a` to `b`; `near` are the distances at both.
     pub fn edge_is_clear(
         &self,
         k: usize,
-        [a, b]: [&[f64; 7]; 2],
+        ends: [&[f64; 7]; 2],
         near: [f64; 2],
         scratch: &mut Scratch,
     ) -> bool {
-        let Some(o) = &self.obstacles else { return true };
-        let travel = o.travel(k, [a, b]);
-        let mut open = vec![([0.0, 1.0], near, 0)];
-        while let Some(([from, to], [d0, d1], depth)) = open.pop() {
-            if d0 <= 0.0 || d1 <= 0.0 {
-                return false;
-            }
-            if d0 + d1 > travel * (to - from) {
-                continue;
-            }
-            if depth == EDGE_HALVINGS {
-                return false;
-            }
-            let middle = 0.5 * (from + to);
-            let q: [f64; 7] = std::array::from_fn(|i| a[i] + middle * (b[i] - a[i]));
-            let distance = match &o.times {
-                Some(t) => o.arm.at_q(&q, &o.base.at(t[k] + middle * (t[k + 1] - t[k])), scratch),
-                None => o.arm.at_q(&q, &o.base, scratch),
-            };
-            open.push(([from, middle], [d0, distance], depth + 1));
-            open.push(([middle, to], [distance, d1], depth + 1));
-        }
-        true
+        self.obstacles.as_ref().is_none_or(|obstacles| obstacles.edge_is_clear(k, ends, near, scratch))
     }
 
     /// The points after which a line touches an obstacle before the next one.
-    pub fn touching(&self, line: &Line) -> Vec<usize> {
+    pub fn touching(&self, line: &SwivelLine) -> Vec<usize> {
         if self.obstacles.is_none() {
             return Vec::new();
         }
@@ -504,19 +348,7 @@ impl<'a> Problem<'a> {
             .windows(2)
             .map(|w| std::array::from_fn(|i| sum(w, &|k| self.steps[k][i]).min(JOINT_JUMP)))
             .collect();
-        let obstacles = self.obstacles.as_ref().map(|o| Obstacles {
-            arm: o.arm.clone(),
-            base: o.base.clone(),
-            times: o.times.as_ref().map(|t| kept.iter().map(|k| t[*k]).collect()),
-            scenes: if o.scenes.len() > 1 {
-                kept.iter().map(|k| o.scenes[*k].clone()).collect()
-            } else {
-                o.scenes.clone()
-            },
-            over: kept.iter().map(|k| o.over[*k].clone()).collect(),
-            moved: kept.windows(2).map(|w| sum(w, &|k| o.moved[k])).collect(),
-            reach: o.reach,
-        });
+        let obstacles = self.obstacles.as_ref().map(|obstacles| obstacles.at_points(&kept));
         let reconfiguration = dearest(self.settings, &parts, &steps);
         Self {
             arm: self.arm,
@@ -535,5 +367,62 @@ impl<'a> Problem<'a> {
             points: kept.iter().map(|k| self.points[*k]).collect(),
             reconfiguration,
         }
+    }
+
+    /// A line on thinned points as one on all points, with the swivel linear in between; `None` where that breaks a limit
+    /// or touches an obstacle.
+    pub fn spread(&self, thin: &SwivelLine, stride: usize) -> Option<SwivelLine> {
+        let n = self.circles.len();
+        let (mut swivel, mut branch) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for k in 0..n {
+            let (at, last) = (k / stride, (k / stride + 1).min(thin.swivel.len() - 1));
+            let length = if (at + 1) * stride < n { stride } else { (n - 1 - at * stride).max(1) };
+            let share = (k - at * stride) as f64 / length as f64;
+            swivel.push(thin.swivel[at] + share * (thin.swivel[last] - thin.swivel[at]));
+            branch.push(thin.branch[at]);
+        }
+        let (q, _) = self.along(&swivel, &branch, &thin.q[0])?;
+        Some(SwivelLine { branch, swivel, q, reconfigurations: Vec::new(), cost: thin.cost })
+    }
+
+    /// The joint positions along swivels, unwound from `first` on, and the distances from the obstacles; `None` where they
+    /// break a limit, step too far or touch an obstacle, at a point or between two.
+    pub fn along(
+        &self,
+        swivel: &[f64],
+        branch: &[usize],
+        first: &[f64; 7],
+    ) -> Option<(Vec<[f64; 7]>, Vec<f64>)> {
+        let init = || Scratch::new(self.arm.chain());
+        let (mut rows, near): (Vec<[f64; 7]>, Vec<f64>) = swivel
+            .par_iter()
+            .enumerate()
+            .map_init(init, |scratch, (k, s)| {
+                let q = self.circles[k].branch_of(*s, branch[k]);
+                (q, self.distance(k, *s, &q, scratch))
+            })
+            .unzip();
+        let mut before = *first;
+        for (k, q) in rows.iter_mut().enumerate() {
+            for i in 0..7 {
+                q[i] = nearest(q[i], before[i]);
+                let step = k == 0 || (q[i] - before[i]).abs() <= self.steps[k - 1][i];
+                if !(step && q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
+                    return None;
+                }
+            }
+            if near[k] <= 0.0 {
+                return None;
+            }
+            before = *q;
+        }
+        let clear = self.obstacles.is_none()
+            || (1..rows.len())
+                .into_par_iter()
+                .map_init(init, |scratch, k| {
+                    self.edge_is_clear(k - 1, [&rows[k - 1], &rows[k]], [near[k - 1], near[k]], scratch)
+                })
+                .all(|clear| clear);
+        clear.then_some((rows, near))
     }
 }

@@ -12,8 +12,8 @@
 
 use std::f64::consts::PI;
 
-use super::motion::{Node, PandaMotion};
 use super::ring::Sheet;
+use super::walk::{Node, Walk};
 use crate::joint_space::{TURN, difference, wrap};
 use crate::tolerance::{ARC_BAND, ARC_BEND, ARC_COARSE, ARC_SHORTEST, LIMIT_SLACK};
 
@@ -203,15 +203,14 @@ impl Cubic {
 
 impl Arcs {
     /// The feasible parts of a curve.
-    pub fn new(motion: &PandaMotion, sheet: &Sheet, limits: &Limits) -> Self {
+    pub fn new(walk: &Walk<'_>, sheet: &Sheet, limits: &Limits) -> Self {
         let mut arcs = Self { parts: [Vec::new(), Vec::new()] };
         if limits.half.iter().any(|half| *half < 0.0) {
             return arcs;
         }
         let mut nodes = Vec::with_capacity(PARTS + 1);
         for k in (0..PARTS).step_by(4) {
-            nodes
-                .extend(motion.nodes(sheet, [0, 1, 2, 3].map(|i| TURN * (k + i) as f64 / PARTS as f64 - PI)));
+            nodes.extend(walk.nodes(sheet, [0, 1, 2, 3].map(|i| TURN * (k + i) as f64 / PARTS as f64 - PI)));
         }
         nodes.push(Node { u: PI, ..nodes[0] });
         // Parts in ascending order, each with the shoulders that are not decided.
@@ -224,7 +223,7 @@ impl Arcs {
                     Verdict::Dropped => {}
                     Verdict::Kept => arcs.parts[s].push(Part { a: End::of(&a, s), b: End::of(&b, s) }),
                     Verdict::Crossed(crossings, inside) => {
-                        arcs.cross(motion, sheet, limits, s, [&a, &b], crossings, inside);
+                        arcs.cross(walk, sheet, limits, s, [&a, &b], crossings, inside);
                     }
                     Verdict::Unclear => unclear[s] = true,
                 }
@@ -239,7 +238,7 @@ impl Arcs {
                 continue;
             }
             let (m, quarter) = (0.5 * (a.u + b.u), 0.25 * (b.u - a.u));
-            let [l, m, r, _] = motion.nodes(sheet, [m - quarter, m, m + quarter, m]);
+            let [l, m, r, _] = walk.nodes(sheet, [m - quarter, m, m + quarter, m]);
             stack.extend([(r, b, unclear), (m, r, unclear), (l, m, unclear), (a, l, unclear)]);
         }
         for parts in &mut arcs.parts {
@@ -257,7 +256,7 @@ impl Arcs {
     /// inside at the beginning.
     fn cross(
         &mut self,
-        motion: &PandaMotion,
+        walk: &Walk<'_>,
         sheet: &Sheet,
         limits: &Limits,
         shoulder: usize,
@@ -269,7 +268,7 @@ impl Arcs {
         crossings.sort_by(|x, y| x.u.total_cmp(&y.u));
         let involved = crossings.iter().fold(0u8, |mask, c| mask | 1 << c.joint);
         for crossing in &crossings {
-            nodes.push((root(motion, sheet, shoulder, [a, b], crossing), crossing.joint));
+            nodes.push((root(walk, sheet, shoulder, [a, b], crossing), crossing.joint));
         }
         nodes.sort_by(|x, y| x.0.u.total_cmp(&y.0.u));
         let mut from = *a;
@@ -366,18 +365,12 @@ fn verdict(limits: &Limits, a: &End, b: &End) -> Verdict {
 }
 
 /// The point between two nodes at which a joint passes a value: Newton's method within brackets.
-fn root(
-    motion: &PandaMotion,
-    sheet: &Sheet,
-    shoulder: usize,
-    [a, b]: [&Node; 2],
-    crossing: &Crossing,
-) -> Node {
+fn root(walk: &Walk<'_>, sheet: &Sheet, shoulder: usize, [a, b]: [&Node; 2], crossing: &Crossing) -> Node {
     let i = crossing.joint;
     let miss = |node: &Node| wrap(node.q[shoulder][i] - crossing.at);
     let (mut lo, mut hi) = (a.u, b.u);
     let rising = miss(b) > miss(a);
-    let mut node = motion.node(sheet, crossing.u);
+    let mut node = walk.node(sheet, crossing.u);
     for _ in 0..ROOT_STEPS {
         let value = miss(&node);
         if (value < 0.0) == rising {
@@ -390,7 +383,7 @@ fn root(
         if value == 0.0 || (next - node.u).abs() <= 2.0 * f64::EPSILON || next <= lo || next >= hi {
             break;
         }
-        node = motion.node(sheet, next);
+        node = walk.node(sheet, next);
     }
     node
 }

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use wide::f64x4;
 
 use super::geometry::PandaGeometry;
-use super::motion::PandaMotion;
-use super::target::{Rows, Target};
+use super::target::{Rows, Target, transpose};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::joint_space::{within, wrap_sum};
@@ -15,7 +14,7 @@ use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::solutions::closed_form::polish::polish;
-use crate::solutions::{Defect, Solution, at};
+use crate::solutions::{Defect, at};
 use crate::tolerance::{EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ROUNDING};
 
 /// Poses that one task of the pool takes at least.
@@ -235,39 +234,4 @@ impl PandaClassArm {
             },
         )
     }
-
-    /// Every configuration over `pose`: closed curves of joint 7.
-    ///
-    /// # Errors
-    /// A pose that is not rigid or finite.
-    pub fn self_motion(&self, pose: &Pose) -> Result<PandaMotion> {
-        let pose = &checked_pose("pose", pose)?;
-        Ok(PandaMotion::new(self.clone(), pose))
-    }
-
-    /// The configuration over `pose` within the limits with the least Euclidean distance to `q`, windings included;
-    /// `None` when there is none.
-    ///
-    /// # Errors
-    /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
-    pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<Solution>> {
-        self.chain().check_q(q)?;
-        Ok(self.self_motion(pose)?.nearest_choice(q))
-    }
-}
-
-/// The eight rows `4 shoulder + lane`.
-#[inline(always)]
-pub(super) fn transpose(rows: &Rows) -> [[f64; 7]; 8] {
-    let fore = rows.fore.map(f64x4::to_array);
-    let mut out = [[0.0; 7]; 8];
-    for (s, shoulder) in rows.shoulder.iter().enumerate() {
-        let shoulder = shoulder.map(f64x4::to_array);
-        for lane in 0..4 {
-            let [a, b, c] = [0, 1, 2].map(|i| shoulder[i][lane]);
-            let [d, e, f, g] = [0, 1, 2, 3].map(|i| fore[i][lane]);
-            out[4 * s + lane] = [a, b, c, d, e, f, g];
-        }
-    }
-    out
 }

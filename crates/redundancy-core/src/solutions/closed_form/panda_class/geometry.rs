@@ -17,7 +17,7 @@ use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::solutions::closed_form::lanes::Triangle;
 use crate::solutions::closed_form::lines::{angle_between, angle_of, common_point, meeting, not_turning};
-use crate::solutions::{Defect, Line, distance_to_line, orthonormal};
+use crate::solutions::{AxisLine, Defect, distance_to_line, orthonormal};
 use crate::tolerance::{AXES_PARALLEL, SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS, UNIT_AXIS};
 
 /// The ideal arm. All constants are those of `q = 0`.
@@ -68,7 +68,7 @@ impl PandaGeometry {
         if let Some(reason) = not_turning(chain) {
             return not_panda(reason);
         }
-        let (lines, home) = Line::axes(chain)?;
+        let (lines, home) = AxisLine::axes(chain)?;
         let [z1, z2, z3, z4, z5, z6, z7] = std::array::from_fn(|i| lines[i].direction);
         let (shoulder, center, defect) = centres(&lines, &home.translation.vector)?;
         let [from4, from7] = [3, 6].map(|i| lever(&lines[i], &center));
@@ -121,7 +121,7 @@ impl PandaGeometry {
 }
 
 /// S and W, and what it costs to let the axes meet in them; `tool` is the tool at `q = 0`.
-fn centres(lines: &[Line], tool: &Vector3<f64>) -> Result<(Vector3<f64>, Vector3<f64>, Defect)> {
+fn centres(lines: &[AxisLine], tool: &Vector3<f64>) -> Result<(Vector3<f64>, Vector3<f64>, Defect)> {
     for (i, j) in [(0, 1), (1, 2)] {
         let off = (0.5 * PI - angle_between(&lines[i].direction, &lines[j].direction)).abs();
         if off > SRS_ANGLE {
@@ -161,7 +161,7 @@ fn centres(lines: &[Line], tool: &Vector3<f64>) -> Result<(Vector3<f64>, Vector3
 }
 
 /// From a line to a point, perpendicular to the line.
-fn lever(line: &Line, point: &Vector3<f64>) -> Vector3<f64> {
+fn lever(line: &AxisLine, point: &Vector3<f64>) -> Vector3<f64> {
     let d = point - line.point;
     d - line.direction * line.direction.dot(&d)
 }

@@ -42,9 +42,11 @@ mod arm;
 mod geometry;
 mod motion;
 mod optimum;
+mod proof;
 mod ring;
 mod solutions;
 mod target;
+mod walk;
 
 pub use arm::PandaClassArm;
 pub use motion::PandaMotion;

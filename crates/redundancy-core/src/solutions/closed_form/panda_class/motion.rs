@@ -3,19 +3,19 @@
 use std::f64::consts::PI;
 use std::sync::OnceLock;
 
-use wide::f64x4;
-
 use super::arcs::{Arcs, Limits};
 use super::arm::PandaClassArm;
+use super::proof::Proof;
 use super::ring::{Miss, Ring, Sheet};
-use super::target::{Rows, Target};
+use super::target::Target;
+use super::walk::Walk;
 use crate::error::{Result, check_finite};
 use crate::joint_space::{TURN, outside, wrap, wrap_sum};
-use crate::pose::Pose;
+use crate::pose::{Pose, checked_pose};
 use crate::solutions::closed_form::Defect;
 use crate::solutions::{check_margin, check_piece};
 use crate::status::Status;
-use crate::tolerance::SLOPE_ROUNDING;
+use crate::tolerance::{CLOSED_FORM_EXACT, SLOPE_ROUNDING};
 
 /// Every configuration over one pose: closed curves, each with a fixed sign of the shoulder.
 ///
@@ -43,17 +43,19 @@ pub struct PandaMotion {
     miss: Option<Miss>,
     /// Feasible arcs without margin, computed when first asked for.
     arcs: OnceLock<Vec<Arcs>>,
+    /// Why the verdict is not exact.
+    not_proven: OnceLock<Option<String>>,
 }
 
-/// One configuration on a curve, for both shoulders.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Node {
-    pub u: f64,
-    pub q: [[f64; 7]; 2],
-    /// `dq/du`.
-    pub rate: [[f64; 7]; 2],
-    /// Sine of the angle between axes 1 and 3.
-    pub gimbal: f64,
+impl PandaClassArm {
+    /// Every configuration over `pose`: closed curves of joint 7.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite.
+    pub fn self_motion(&self, pose: &Pose) -> Result<PandaMotion> {
+        let pose = &checked_pose("pose", pose)?;
+        Ok(PandaMotion::new(self.clone(), pose))
+    }
 }
 
 impl PandaMotion {
@@ -74,7 +76,7 @@ impl PandaMotion {
                 (sheets, miss)
             }
         };
-        Self { arm, target, sheets, miss, arcs: OnceLock::new() }
+        Self { arm, target, sheets, miss, arcs: OnceLock::new(), not_proven: OnceLock::new() }
     }
 
     /// The arm.
@@ -107,12 +109,28 @@ impl PandaMotion {
         }
     }
 
+    /// Whether status and curves say everything, see `proof.rs`: the arm is exact, the curves are proven to be all, and where none
+    /// holds its limits that is proven too.
+    pub fn proven(&self) -> bool {
+        self.not_proven().is_none()
+    }
+
     /// Why the verdict is not exact.
-    pub(super) fn not_proven(&self) -> Option<String> {
-        let Defect { position, orientation } = self.arm.defect();
-        (position.max(orientation) > crate::tolerance::CLOSED_FORM_EXACT).then(|| {
-            format!("the verdict is that of an ideal arm, {position:.1e} m and {orientation:.1e} rad away")
-        })
+    pub(super) fn not_proven(&self) -> Option<&str> {
+        let reason = self.not_proven.get_or_init(|| {
+            let Defect { position, orientation } = self.arm.defect();
+            if position.max(orientation) > CLOSED_FORM_EXACT {
+                let what = "the verdict is that of an ideal arm";
+                return Some(format!("{what}, {position:.1e} m and {orientation:.1e} rad away"));
+            }
+            let proof = Proof::new(&self.arm.inner, &self.target);
+            if !proof.curves() {
+                return Some("two curves touch, or all but do: there may be one more, or one less".into());
+            }
+            let missed = self.status() == Status::Limits && !proof.nothing_within_limits();
+            missed.then(|| "limits are all but met: an arc may have been missed".into())
+        });
+        reason.as_deref()
     }
 
     /// Number of curves.
@@ -126,25 +144,9 @@ impl PandaMotion {
         Ok((&self.sheets[piece / 2], piece % 2))
     }
 
-    /// Configurations and rates at four parameters of a curve of the wrist.
-    #[inline]
-    pub(super) fn nodes(&self, sheet: &Sheet, u: [f64; 4]) -> [Node; 4] {
-        let (rows, rates) = self.target.rows_with_rates(&self.arm.inner.geometry, &sheet.at(f64x4::new(u)));
-        let gimbal = rows.gimbal.to_array();
-        let q = super::arm::transpose(&rows);
-        let rate = super::arm::transpose(&Rows { fore: rates.fore, shoulder: rates.shoulder, ..rows });
-        std::array::from_fn(|k| Node {
-            u: u[k],
-            q: [q[k], q[4 + k]],
-            rate: [rate[k], rate[4 + k]],
-            gimbal: gimbal[k],
-        })
-    }
-
-    /// One configuration and its rates.
-    #[inline]
-    pub(super) fn node(&self, sheet: &Sheet, u: f64) -> Node {
-        self.nodes(sheet, [u; 4])[0]
+    /// Walks along the curves of the wrist.
+    pub(super) fn walk(&self) -> Walk<'_> {
+        Walk { geometry: &self.arm.inner.geometry, target: &self.target }
     }
 
     /// The configuration at `u` of a piece (of period `2 pi`): principal values unless that breaks a limit and a winding does
@@ -155,7 +157,7 @@ impl PandaMotion {
     pub fn q_at(&self, piece: usize, u: f64) -> Result<[f64; 7]> {
         let (sheet, shoulder) = self.piece(piece)?;
         check_finite("u", &[u])?;
-        let node = self.node(sheet, wrap(u));
+        let node = self.walk().node(sheet, wrap(u));
         let q = node.q[shoulder].map(wrap_sum);
         Ok(self.arm.hold_limits(&q, node.gimbal).unwrap_or_else(|| self.arm.wind(&q)))
     }
@@ -168,7 +170,7 @@ impl PandaMotion {
     pub fn tangent_at(&self, piece: usize, u: f64) -> Result<[f64; 7]> {
         let (sheet, shoulder) = self.piece(piece)?;
         check_finite("u", &[u])?;
-        Ok(self.node(sheet, wrap(u)).rate[shoulder])
+        Ok(self.walk().node(sheet, wrap(u)).rate[shoulder])
     }
 
     /// Where all joint limits hold with `margin` (rad, per joint, from each limit): intervals `[lo, hi]` of u, ascending, `lo`
@@ -183,14 +185,14 @@ impl PandaMotion {
             return Ok(self.arcs()[piece / 2].of(shoulder));
         }
         let limits = Limits::new(&self.arm.inner.lower, &self.arm.inner.upper, margin);
-        Ok(Arcs::new(self, sheet, &limits).of(shoulder))
+        Ok(Arcs::new(&self.walk(), sheet, &limits).of(shoulder))
     }
 
     /// Feasible arcs without margin, one entry per curve of the wrist.
     pub(super) fn arcs(&self) -> &[Arcs] {
         self.arcs.get_or_init(|| {
             let limits = Limits::new(&self.arm.inner.lower, &self.arm.inner.upper, 0.0);
-            self.sheets.iter().map(|sheet| Arcs::new(self, sheet, &limits)).collect()
+            self.sheets.iter().map(|sheet| Arcs::new(&self.walk(), sheet, &limits)).collect()
         })
     }
 
@@ -200,7 +202,7 @@ impl PandaMotion {
         const SAMPLES: usize = 360;
         let inner = &self.arm.inner;
         let violation = |sheet: &Sheet, shoulder: usize, u: f64| {
-            let q = self.node(sheet, u).q[shoulder];
+            let q = self.walk().node(sheet, u).q[shoulder];
             let misses = (0..7).map(|i| (outside(q[i], inner.lower[i], inner.upper[i]), i));
             misses.fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a })
         };

@@ -10,13 +10,19 @@ use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
 use super::arcs::{Cubic, End, Part, Steps};
+use super::arm::PandaClassArm;
 use super::motion::PandaMotion;
 use super::ring::Sheet;
 use crate::criterion::JointSpring;
+use crate::error::{Result, check_length};
 use crate::joint_space::{TURN, nearest_within, wrap};
-use crate::solutions::Solution;
+use crate::parallel::prelude::*;
+use crate::pose::{Pose, pose_from_row_major};
+use crate::solutions::{Solution, at};
 use crate::tolerance::{EDGE_ROUNDING, OPTIMUM_GAP, SCAN_RESOLVED, SLOPE_ROUNDING};
 
+/// Poses that one task of the pool takes at least.
+const TASK: usize = 64;
 /// Most steps to a zero of the slope.
 const ROOT_STEPS: usize = 60;
 /// Least halvings of a part.
@@ -60,11 +66,40 @@ impl Ord for Pending {
     }
 }
 
-struct Search<'a> {
+struct ArcSearch<'a> {
     motion: &'a PandaMotion,
     springs: [JointSpring; 7],
     best: Option<(f64, usize, f64, [f64; 7])>,
     heap: BinaryHeap<Pending>,
+}
+
+impl PandaClassArm {
+    /// The configuration over `pose` within the limits with the least Euclidean distance to `q`, windings included;
+    /// `None` when there is none.
+    ///
+    /// # Errors
+    /// A pose that is not rigid or finite, a wrong length of `q`, or an entry that is not finite.
+    pub fn nearest(&self, pose: &Pose, q: &[f64]) -> Result<Option<Solution>> {
+        self.chain().check_q(q)?;
+        Ok(self.self_motion(pose)?.nearest_choice(q))
+    }
+
+    /// [`PandaClassArm::nearest`] for many poses, to one `q` for all (7 numbers) or one for each (`N * 7`).
+    ///
+    /// # Errors
+    /// Wrong lengths, a pose that is not rigid or finite, an entry of `q` that is not finite.
+    pub fn nearest_batch(&self, poses: &[f64], q: &[f64]) -> Result<Vec<Option<[f64; 7]>>> {
+        let n = poses.len() / 16;
+        check_length("poses", poses, n * 16)?;
+        check_length("q", q, if q.len() == 7 { 7 } else { n * 7 })?;
+        let wish = |i: usize| if q.len() == 7 { q } else { &q[7 * i..7 * i + 7] };
+        let one = |(i, pose): (usize, &[f64; 16])| {
+            let pose = pose_from_row_major(pose).map_err(at(i))?;
+            let near = self.nearest(&pose, wish(i)).map_err(at(i))?;
+            Ok(near.and_then(|near| near.q.try_into().ok()))
+        };
+        poses.as_chunks::<16>().0.par_iter().enumerate().with_min_len(TASK).map(one).collect()
+    }
 }
 
 impl PandaMotion {
@@ -78,7 +113,7 @@ impl PandaMotion {
 
     /// The configuration with the least sum of springs.
     pub(super) fn softest(&self, springs: [JointSpring; 7]) -> Option<Solution> {
-        let mut search = Search { motion: self, springs, best: None, heap: BinaryHeap::new() };
+        let mut search = ArcSearch { motion: self, springs, best: None, heap: BinaryHeap::new() };
         for (k, arcs) in self.arcs().iter().enumerate() {
             for (shoulder, parts) in arcs.parts.iter().enumerate() {
                 for part in parts {
@@ -97,7 +132,7 @@ impl PandaMotion {
     }
 }
 
-impl Search<'_> {
+impl ArcSearch<'_> {
     /// True when nothing better than the best point by more than the gap can have this bound.
     fn is_settled(&self, bound: f64) -> bool {
         self.best.is_some_and(|(best, ..)| bound >= best - OPTIMUM_GAP * (1.0 + best.abs()))
@@ -164,7 +199,7 @@ impl Search<'_> {
     }
 
     fn probe(&mut self, piece: usize, sheet: &Sheet, u: f64) -> Probe {
-        let node = self.motion.node(sheet, u);
+        let node = self.motion.walk().node(sheet, u);
         let shoulder = piece % 2;
         self.offer(piece, &End { u, q: node.q[shoulder], rate: node.rate[shoulder] })
     }

@@ -31,7 +31,7 @@ const PARTS: usize = 32;
 
 /// Which of the cases of the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+pub(super) enum Kind {
     /// Over all x; the sign of `sin y`.
     OverX(f64),
     /// Over all y; the sign of `sin x`.
@@ -45,14 +45,14 @@ enum Kind {
 /// One ring, see the module.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ring {
-    kind: Kind,
-    s: f64,
-    t: f64,
-    e: f64,
+    pub kind: Kind,
+    pub s: f64,
+    pub t: f64,
+    pub e: f64,
     /// `a, b`.
-    radii: [f64; 2],
+    pub radii: [f64; 2],
     /// `1 - a^2`, `1 - b^2`.
-    rests: [f64; 2],
+    pub rests: [f64; 2],
 }
 
 /// A curve on a ring.
@@ -160,6 +160,11 @@ impl Ring {
                 (x, y, [two * a * sin / sine.fast_max(tiny), two * b * cos / cosy.fast_max(tiny)])
             }
         }
+    }
+
+    /// The room at a parameter.
+    pub fn room(&self, g: &PandaGeometry, target: &Target, w: f64) -> f64 {
+        self.samples(g, target, [w; 4])[0].room
     }
 
     /// Room and slope at four parameters.

@@ -37,13 +37,13 @@ impl Solutions for PandaMotion {
         let reason = PandaMotion::reason(self);
         match self.not_proven() {
             None => reason,
-            Some(why) if reason.is_empty() => why,
+            Some(why) if reason.is_empty() => why.into(),
             Some(why) => format!("{reason}; {why}"),
         }
     }
 
     fn proven(&self) -> bool {
-        self.not_proven().is_none()
+        PandaMotion::proven(self)
     }
 
     fn pieces(&self) -> usize {
@@ -155,6 +155,10 @@ impl ClosedForm for PandaClassArm {
         }
         let Ok(motion) = self.self_motion(pose) else { return Status::Unreachable };
         search::select(&motion, q0, criterion, q)
+    }
+
+    fn proves(&self, pose: &Pose) -> bool {
+        self.self_motion(pose).is_ok_and(|motion| motion.proven())
     }
 
     fn as_any(&self) -> &dyn Any {

@@ -25,13 +25,13 @@ pub(super) struct Target {
     /// See `mean_y`; positive.
     pub swing_y: f64,
     /// Distance of S from axis 7.
-    radius7: f64,
+    pub radius7: f64,
     /// Coordinate of W less that of S along axis 7.
-    step7: f64,
+    pub step7: f64,
     /// `x = q7 + zero7`.
     pub zero7: f64,
     /// From the frame of axis 7, turned back by x, to the frame of the base.
-    frame: Matrix3<f64>,
+    pub frame: Matrix3<f64>,
 }
 
 /// A place on the curve in each lane: the angles and what tells the two normals apart.
@@ -339,4 +339,20 @@ fn shoulders(g: &PandaGeometry, a1: Vectors, a3: Vectors, gimbal: f64x4) -> [[Tu
         let third = Turns::along(row(a1), -row(a2), 0.0, [1.0, 0.0]);
         [first, second, third]
     })
+}
+
+/// The eight rows `4 shoulder + lane`.
+#[inline(always)]
+pub(super) fn transpose(rows: &Rows) -> [[f64; 7]; 8] {
+    let fore = rows.fore.map(f64x4::to_array);
+    let mut out = [[0.0; 7]; 8];
+    for (s, shoulder) in rows.shoulder.iter().enumerate() {
+        let shoulder = shoulder.map(f64x4::to_array);
+        for lane in 0..4 {
+            let [a, b, c] = [0, 1, 2].map(|i| shoulder[i][lane]);
+            let [d, e, f, g] = [0, 1, 2, 3].map(|i| fore[i][lane]);
+            out[4 * s + lane] = [a, b, c, d, e, f, g];
+        }
+    }
+    out
 }

@@ -137,7 +137,7 @@ struct Wrist {
 struct Found {
     /// Bit `b`: row `b` is a configuration, limits aside.
     mask: u8,
-    /// Some wrist is singular: joint 6 was chosen, or rounding of it can have moved the arm out of reach.
+    /// Some wrist is singular or next to it: joint 6 was chosen, or is no better than its rounding.
     singular: bool,
     /// Sine of the angle of axis 6 against m in each lane.
     height: [f64; 4],
@@ -434,9 +434,8 @@ impl ParallelAxesArm {
                 out[4 * (lane / 2) + 2 * e + lane % 2] = row.map(wrap_sum);
             }
         }
-        let doubtful = wrist.height.simd_gt(all(GIMBAL_SINE)) & !out_of_reach;
-        let doubtful = wrist.height.simd_lt(all(SINGULAR_WRIST_SINE)) & !doubtful;
-        let (singular, on_axis) = (doubtful.to_bitmask() != 0, base.on_axis);
+        let singular = wrist.height.simd_lt(all(SINGULAR_WRIST_SINE)).to_bitmask() != 0;
+        let on_axis = base.on_axis;
         Found { mask, singular, height: wrist.height.to_array(), on_axis, miss }
     }
 
@@ -488,7 +487,7 @@ impl ParallelAxesArm {
     ) -> u8 {
         let Inner { lower, upper, .. } = &*self.inner;
         let plain = *rows;
-        let mut mask = if limits { self.mask_limits(found.mask, rows) } else { found.mask };
+        let before = if limits { self.mask_limits(found.mask, rows) } else { found.mask };
         let grid = (0..SINGULAR_WRIST).map(|k| wish + TURN * (k as f64 / SINGULAR_WRIST as f64 - 0.5));
         let ends = [wish, lower[5], upper[5]].into_iter().chain(self.stretched(target, free));
         let mut tries: Vec<f64> = grid
@@ -498,12 +497,8 @@ impl ParallelAxesArm {
             .map(|q| if limits { within(wrap(q), lower[5], upper[5]).unwrap_or(q) } else { wrap(q) })
             .collect();
         tries.sort_by(|a, b| (a - wish).abs().total_cmp(&(b - wish).abs()));
-        // Where joint 6 is free, the rows at hand are as good as any, but perhaps not the nearest to the wish.
-        for branch in 0..8 {
-            if found.height[lane_of(branch)] <= GIMBAL_SINE {
-                mask &= !(1 << branch);
-            }
-        }
+        // Where joint 6 is free, or says what rounding has made of it, the rows at hand are not the nearest to the wish.
+        let mut chosen = 0u8;
         let mut tried = [[0.0; 6]; 8];
         for q6 in tries {
             let free = Free { hand: [q6.cos(), q6.sin()], least: SINGULAR_WRIST_SINE, ..*free };
@@ -513,14 +508,15 @@ impl ParallelAxesArm {
                 // What another joint 6 costs in the pose.
                 let turned = 2.0 * (0.5 * (q6 - plain[branch][5])).sin().abs();
                 let height = found.height[lane_of(branch)];
-                let same = height <= GIMBAL_SINE || height * turned <= SINGULAR_WRIST_ROUNDING;
-                if same && valid & !mask & (1 << branch) != 0 {
+                let same = height <= GIMBAL_SINE
+                    || (height <= SINGULAR_WRIST_SINE && height * turned <= SINGULAR_WRIST_ROUNDING);
+                if same && valid & !chosen & (1 << branch) != 0 {
                     rows[branch] = tried[branch];
-                    mask |= 1 << branch;
+                    chosen |= 1 << branch;
                 }
             }
         }
-        mask
+        before | chosen
     }
 
     /// Values of joint 6, where the pose leaves it free, at which axis 4 is at the ends of the elbow's reach, or nearest to

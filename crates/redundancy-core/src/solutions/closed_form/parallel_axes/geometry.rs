@@ -12,7 +12,7 @@ use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::solutions::closed_form::lanes::Triangle;
 use crate::solutions::closed_form::lines::{angle_between, angle_of, foot_at, meeting, not_turning};
-use crate::solutions::{Defect, Line, orthonormal};
+use crate::solutions::{AxisLine, Defect, orthonormal};
 use crate::tolerance::{AXES_PARALLEL, SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS};
 
 /// The ideal arm. With m along the parallel axes and k along axis 1, `e` along `m x k`: joint 1 turns `[e, j, k]`, joints
@@ -70,7 +70,7 @@ impl ParallelGeometry {
         if let Some(reason) = not_turning(chain) {
             return not_parallel(reason);
         }
-        let (lines, home) = Line::axes(chain)?;
+        let (lines, home) = AxisLine::axes(chain)?;
         let direction = |i: usize| lines[i].direction;
         for (i, j) in [(1, 2), (2, 3)] {
             let skew = angle_between(&direction(i), &direction(j));
@@ -146,7 +146,7 @@ impl ParallelGeometry {
 
 /// Mean direction of axes 2, 3, 4 and their senses along it. Its sense does not depend on which way the axes point: C is on
 /// its side of axis 1; where it is on neither, axis 2 passes in front of axis 1.
-fn common_direction(lines: &[Line], center: &Vector3<f64>) -> (Vector3<f64>, [f64; 3]) {
+fn common_direction(lines: &[AxisLine], center: &Vector3<f64>) -> (Vector3<f64>, [f64; 3]) {
     let first = lines[1].direction;
     let mut sign = [1, 2, 3].map(|i| if lines[i].direction.dot(&first) < 0.0 { -1.0 } else { 1.0 });
     let sum: Vector3<f64> = (0..3).map(|i| lines[i + 1].direction * sign[i]).sum();

@@ -11,7 +11,7 @@ use super::complex::{Complex, complex};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::joint_space::wrap;
-use crate::solutions::{Defect, Line, distance_to_line, orthonormal, rotation_y, spherical};
+use crate::solutions::{AxisLine, Defect, distance_to_line, orthonormal, rotation_y, spherical};
 use crate::tolerance::{SRS_ANGLE, SRS_DISTANCE, SRS_ELBOW_RADIUS};
 
 /// The ideal arm. Joint 1 turns the plane of the arm, spanned by `e` and `k`; in that plane, with complex coordinates
@@ -65,7 +65,7 @@ impl WristGeometry {
         if let Some(joint) = chain.joints().iter().find(|j| !j.kind.is_rotational()) {
             return not_wrist(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()));
         }
-        let (lines, home) = Line::axes(chain)?;
+        let (lines, home) = AxisLine::axes(chain)?;
         let (wrist, [z4, z5, z6]) = spherical(&lines[3..], 4).or_else(not_wrist)?;
         let [k, z2, z3] = [0, 1, 2].map(|i| lines[i].direction);
         let bent = k.dot(&z2).clamp(-1.0, 1.0).asin().abs();

@@ -1,12 +1,13 @@
 //! The isolated configurations of an arm with a spherical wrist as [`Solutions`], and the arm as a [`ClosedForm`].
 
 use std::any::Any;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use super::arm::{Configurations, SphericalWristArm};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, check_dof};
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::joint_space::TURN;
 use crate::pose::Pose;
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
 use crate::solutions::{Solution, Solutions, check_margin, check_piece, room, search};
@@ -88,7 +89,7 @@ impl Configurations {
             value
         };
         let samples = |sampled: bool| if sampled { FREE_SAMPLES } else { 1 };
-        let angle = |k: usize| TAU * k as f64 / FREE_SAMPLES as f64 - PI;
+        let angle = |k: usize| TURN * k as f64 / FREE_SAMPLES as f64 - PI;
         for branch in (0..8).filter(|b| self.reachable & (1 << b) != 0) {
             let mut least = (f64::INFINITY, 0.0, 0.0);
             for i in 0..samples(self.free) {
@@ -100,7 +101,7 @@ impl Configurations {
                     least = if value < least.0 { (value, first, share) } else { least };
                 }
             }
-            let mut step = TAU / FREE_SAMPLES as f64;
+            let mut step = TURN / FREE_SAMPLES as f64;
             while least.0.is_finite() && step > FREE_STEP {
                 let before = least.0;
                 for [d, e] in [[step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]] {

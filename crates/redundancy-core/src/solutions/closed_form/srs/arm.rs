@@ -23,7 +23,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use super::chart::{Chart, zero_direction};
-use super::elbow_circle::{Circle, Reach};
+use super::elbow_circle::{ElbowCircle, Reach};
 use super::geometry::Geometry;
 use super::intervals::{Bound, bounds};
 use crate::chain::Chain;
@@ -332,7 +332,7 @@ impl SrsArm {
 
     /// What depends only on the pose, and whether it is in reach. The pose must be checked.
     #[inline]
-    pub(super) fn circle(&self, pose: &Pose) -> (Circle, Reach) {
+    pub(super) fn circle(&self, pose: &Pose) -> (ElbowCircle, Reach) {
         let Inner { geometry, chart_frame, chart_to_frame, .. } = &*self.inner;
         let rotation = pose.rotation.matrix();
         let wrist = rotation * geometry.wrist_in_tool + pose.translation.vector;
@@ -370,7 +370,8 @@ impl SrsArm {
         let (cos_upper, sin_upper) =
             if length > f64::MIN_POSITIVE { (adjacent / length, opposite / length) } else { (0.0, 1.0) };
         let tool = geometry.frame.tr_mul(rotation) * geometry.tool_offset;
-        let circle = Circle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, cos_elbow, sin_elbow, tool };
+        let circle =
+            ElbowCircle { n, w0, w1: n.cross(&w0), cos_upper, sin_upper, cos_elbow, sin_elbow, tool };
         (circle, reach)
     }
 

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use nalgebra::Vector3;
 
 use super::arm::SrsArm;
-use super::elbow_circle::{Circle, Reach, signs};
+use super::elbow_circle::{ElbowCircle, Reach, signs};
 use super::intervals::Arcs;
 use crate::error::{Error, Result};
 use crate::joint_space::{TURN, opposite, outside};
@@ -29,7 +29,7 @@ use crate::tolerance::GIMBAL_PASSAGE;
 #[derive(Debug, Clone)]
 pub struct SelfMotion {
     pub(super) arm: SrsArm,
-    pub(super) circle: Circle,
+    pub(super) circle: ElbowCircle,
     reach: Reach,
     /// Feasible arcs without margin, computed when first asked for.
     arcs: OnceLock<Arcs>,
@@ -48,7 +48,7 @@ impl SrsArm {
 }
 
 impl SelfMotion {
-    pub(super) fn new(arm: SrsArm, circle: Circle, reach: Reach) -> Self {
+    pub(super) fn new(arm: SrsArm, circle: ElbowCircle, reach: Reach) -> Self {
         Self { arm, circle, reach, arcs: OnceLock::new() }
     }
 

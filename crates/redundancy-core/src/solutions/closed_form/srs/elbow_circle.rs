@@ -15,7 +15,7 @@ pub(crate) fn signs(branch: usize) -> [i8; 3] {
 
 /// The circle of elbow positions over one pose: everything that does not depend on the swivel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Circle {
+pub(super) struct ElbowCircle {
     /// Shoulder to wrist, swivel frame.
     pub n: Vector3<f64>,
     /// Elbow direction at s = 0 and s = pi/2, swivel frame.
@@ -34,7 +34,7 @@ pub(super) struct Circle {
     pub tool: Matrix3<f64>,
 }
 
-/// The angles of one elbow sign at a swivel ([`Circle::angles`]) with their rates.
+/// The angles of one elbow sign at a swivel ([`ElbowCircle::angles`]) with their rates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
     pub s: f64,
@@ -85,7 +85,7 @@ fn first_at_gimbal(turn: [f64; 2]) -> (f64, f64) {
     if norm > GIMBAL_SINE { (turn[1] / norm, -turn[0] / norm) } else { (1.0, 0.0) }
 }
 
-impl Circle {
+impl ElbowCircle {
     /// Angles of the paper for the swivel direction `u`: the shared ones `[a, b, c, t, d, e, f]` of branch +++, for
     /// one elbow sign (`elbow = 1.0` or `-1.0`; aligned arms need only `1.0`).
     #[inline(always)]
@@ -107,7 +107,7 @@ impl Circle {
         }
     }
 
-    /// Sines and cosines of [`Circle::angles`], up to a positive factor; of unit length for the first two of a joint.
+    /// Sines and cosines of [`ElbowCircle::angles`], up to a positive factor; of unit length for the first two of a joint.
     #[inline(always)]
     fn pairs(&self, geometry: &Geometry, u: [f64; 2], elbow: f64) -> [[f64; 2]; 7] {
         let w = self.w0 * u[0] + self.w1 * u[1];
@@ -169,7 +169,7 @@ impl Circle {
         Self::branch_of(geometry, &self.angles(geometry, u, elbow), branch)
     }
 
-    /// One branch in principal values, from the [`Circle::angles`] of elbow + (aligned arms) or of its own elbow.
+    /// One branch in principal values, from the [`ElbowCircle::angles`] of elbow + (aligned arms) or of its own elbow.
     pub fn branch_of(geometry: &Geometry, t: &[f64; 7], branch: usize) -> [f64; 7] {
         let [s2, s4, s6] = signs(branch);
         let mut angles = *t;

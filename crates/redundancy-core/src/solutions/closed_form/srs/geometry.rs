@@ -59,14 +59,14 @@ pub(super) struct Geometry {
 }
 
 /// A joint axis as a line in space.
-pub(crate) struct Line {
+pub(crate) struct AxisLine {
     /// A point on it.
     pub point: Vector3<f64>,
     /// Its unit direction.
     pub direction: Vector3<f64>,
 }
 
-impl Line {
+impl AxisLine {
     /// The joint axes of `chain` at `q = 0`, and the pose of its tool there.
     pub fn axes(chain: &Chain) -> Result<(Vec<Self>, Pose)> {
         let mut scratch = Scratch::new(chain);
@@ -89,7 +89,7 @@ impl Geometry {
         if let Some(joint) = chain.joints().iter().find(|j| !j.kind.is_rotational()) {
             return not_srs(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()));
         }
-        let (lines, home) = Line::axes(chain)?;
+        let (lines, home) = AxisLine::axes(chain)?;
         let (shoulder, shoulder_axes) = spherical(&lines[..3], 1).or_else(not_srs)?;
         let (mut wrist, wrist_axes) = spherical(&lines[4..], 5).or_else(not_srs)?;
 
@@ -206,7 +206,7 @@ impl Geometry {
 /// Common point and orthonormalised directions of three axes in a row, the first of which is joint `first`; or in words
 /// which condition fails and by how much.
 pub(crate) fn spherical(
-    lines: &[Line],
+    lines: &[AxisLine],
     first: usize,
 ) -> std::result::Result<(Vector3<f64>, [Vector3<f64>; 3]), String> {
     let (a, b, c) = (&lines[0], &lines[1], &lines[2]);
@@ -222,7 +222,7 @@ pub(crate) fn spherical(
         }
     }
     // Where on axis b the axes a and c cross it (the point of b nearest to them).
-    let crossing = |l: &Line| {
+    let crossing = |l: &AxisLine| {
         let d = l.point - b.point;
         let (u, v) = (b.direction, l.direction);
         let uv = u.dot(&v);
@@ -289,7 +289,7 @@ pub(crate) fn orthonormal(m: &Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Distance of a point from a line, m.
-pub(crate) fn distance_to_line(point: &Vector3<f64>, line: &Line) -> f64 {
+pub(crate) fn distance_to_line(point: &Vector3<f64>, line: &AxisLine) -> f64 {
     let d = point - line.point;
     (d - line.direction * line.direction.dot(&d)).norm()
 }

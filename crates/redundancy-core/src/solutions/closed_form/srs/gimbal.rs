@@ -3,12 +3,12 @@
 use std::f64::consts::PI;
 
 use super::spherical::Spherical;
-use super::spring_search::{Search, Springs};
+use super::spring_search::{SpringSearch, Springs};
 use super::stretches::Elbow;
 use crate::joint_space::{TURN, turned};
 use crate::tolerance::{GIMBAL_PASSAGE, SLOPE_ROUNDING};
 
-impl Search<'_> {
+impl SpringSearch<'_> {
     /// Offers what the branches cannot hold: at a gimbal the outer joints of a spherical joint may share their sum in any
     /// way, a line of configurations over one swivel. Where the swivel does not leave the gimbal (shoulder or wrist
     /// stretched out along its neighbours) the best swivel is sampled and refined, not proven.

@@ -11,7 +11,7 @@
 
 use std::f64::consts::PI;
 
-use super::elbow_circle::Circle;
+use super::elbow_circle::ElbowCircle;
 use super::geometry::Geometry;
 use super::spherical::{Spherical, sphericals};
 use crate::joint_space::{TURN, around, turned, wrap};
@@ -127,7 +127,7 @@ pub(super) struct Arcs {
 }
 
 impl Arcs {
-    pub(super) fn new(geometry: &Geometry, circle: &Circle, bounds: &[Bound; 7]) -> Self {
+    pub(super) fn new(geometry: &Geometry, circle: &ElbowCircle, bounds: &[Bound; 7]) -> Self {
         let none = Self { cuts: Vec::new(), arcs: vec![0], points: Vec::new(), breaks: Vec::new() };
         // The elbow does not depend on the swivel.
         let elbows =

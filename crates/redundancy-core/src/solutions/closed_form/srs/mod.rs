@@ -23,4 +23,4 @@ pub use circle::{Branch, SelfMotion};
 
 pub(crate) use batch::at;
 pub(crate) use elbow_circle::signs;
-pub(crate) use geometry::{Line, distance_to_line, orthonormal, rotation_y, spherical};
+pub(crate) use geometry::{AxisLine, distance_to_line, orthonormal, rotation_y, spherical};

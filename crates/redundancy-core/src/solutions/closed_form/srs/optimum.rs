@@ -23,7 +23,7 @@
 
 use super::choice::Choice;
 use super::circle::SelfMotion;
-use super::spring_search::{Part, Pending, Search};
+use super::spring_search::{Part, Pending, SpringSearch};
 use super::stretches::{joints, sorted};
 use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
 use crate::error::Result;
@@ -67,7 +67,7 @@ impl SelfMotion {
     /// Global minimum of a sum of springs.
     fn softest(&self, springs: [JointSpring; 7]) -> Option<Choice> {
         let mut elbows = self.elbows();
-        let mut search = Search::new(self, &springs);
+        let mut search = SpringSearch::new(self, &springs);
         search.push_stretches(&elbows);
         search.offer_gimbals(&elbows);
         while let Some(Pending { bound, part }) = search.heap.pop() {

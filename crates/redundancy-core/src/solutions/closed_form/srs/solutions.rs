@@ -1,7 +1,7 @@
 //! The circles of an S-R-S arm as [`Solutions`], and the arm as a [`ClosedForm`].
 
 use std::any::Any;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use super::arm::{SrsArm, Swivel};
 use super::choice::Choice;
@@ -10,6 +10,7 @@ use super::spherical::sphericals;
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Result, check_length};
+use crate::joint_space::{TURN, turned};
 use crate::pose::Pose;
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
 use crate::solutions::{Solution, Solutions, check_piece, room, search};
@@ -125,7 +126,7 @@ impl Solutions for SelfMotion {
     fn intervals(&self, piece: usize, margin: f64) -> Result<Vec<[f64; 2]>> {
         let mut arcs = self.piece(piece)?.intervals(margin)?;
         if let Some(last) = arcs.pop_if(|arc| arc[0] >= PI) {
-            arcs.insert(0, last.map(|s| s - TAU));
+            arcs.insert(0, last.map(|s| turned(s, -1.0)));
         }
         Ok(arcs)
     }
@@ -171,7 +172,7 @@ impl ClosedForm for SrsArm {
     }
 
     fn starts(&self, pose: &Pose) -> Vec<Vec<f64>> {
-        let swivels = (0..START_SWIVELS).map(|k| TAU * k as f64 / START_SWIVELS as f64);
+        let swivels = (0..START_SWIVELS).map(|k| TURN * k as f64 / START_SWIVELS as f64);
         let rows = swivels.filter_map(|s| self.solve(pose, Swivel::Angle(s), false).ok());
         rows.flatten().map(|q| q.to_vec()).collect()
     }

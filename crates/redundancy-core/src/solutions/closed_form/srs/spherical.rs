@@ -7,16 +7,16 @@ use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use super::elbow_circle::Circle;
+use super::elbow_circle::ElbowCircle;
 use super::geometry::Geometry;
 use crate::joint_space::wrap;
 use crate::tolerance::{GIMBAL_NEAR, GIMBAL_PASSAGE, GIMBAL_SINE, SINUSOID_FLAT, SINUSOID_TANGENT};
 
 /// `c0 + c1 cos s + c2 sin s`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sinusoid(pub [f64; 3]);
+pub(super) struct AngleSinusoid(pub [f64; 3]);
 
-impl Sinusoid {
+impl AngleSinusoid {
     #[inline(always)]
     pub fn at(&self, cos: f64, sin: f64) -> f64 {
         self.0[0] + self.0[1] * cos + self.0[2] * sin
@@ -94,11 +94,11 @@ impl Range {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spherical {
     /// Cosine and sine of the first angle, times the sine of the middle one.
-    pub first: [Sinusoid; 2],
+    pub first: [AngleSinusoid; 2],
     /// Cosine of the middle angle.
-    pub middle: Sinusoid,
+    pub middle: AngleSinusoid,
     /// As `first` for the third angle.
-    pub third: [Sinusoid; 2],
+    pub third: [AngleSinusoid; 2],
     /// The middle angle stays at 0 or pi: only the sum of the others is defined, and `third` holds it.
     pub locked: bool,
     /// The axis about which it turns with the swivel, along the first axis ...
@@ -109,14 +109,19 @@ pub(super) struct Spherical {
 
 impl Spherical {
     /// From entries of the product: its third column, and the first two entries of its last and second rows.
-    fn new(column: [Sinusoid; 3], row3: [Sinusoid; 2], row2: [Sinusoid; 2], turn: &Vector3<f64>) -> Self {
-        let flat = |s: &Sinusoid| s.0.iter().all(|c| c.abs() < GIMBAL_SINE);
+    fn new(
+        column: [AngleSinusoid; 3],
+        row3: [AngleSinusoid; 2],
+        row2: [AngleSinusoid; 2],
+        turn: &Vector3<f64>,
+    ) -> Self {
+        let flat = |s: &AngleSinusoid| s.0.iter().all(|c| c.abs() < GIMBAL_SINE);
         let locked = flat(&column[0]) && flat(&column[1]);
         let (first, third) = if locked {
             // First angle 0: the second row is (sin c, cos c).
-            ([Sinusoid([1.0, 0.0, 0.0]), Sinusoid([0.0; 3])], [row2[1], row2[0]])
+            ([AngleSinusoid([1.0, 0.0, 0.0]), AngleSinusoid([0.0; 3])], [row2[1], row2[0]])
         } else {
-            ([column[0], column[1]], [Sinusoid(row3[0].0.map(|c| -c)), row3[1]])
+            ([column[0], column[1]], [AngleSinusoid(row3[0].0.map(|c| -c)), row3[1]])
         };
         // turn . third axis is constant, so the constant parts tell it.
         let turn_third = (0..3).map(|i| turn[i] * column[i].0[0]).sum();
@@ -219,7 +224,7 @@ impl Spherical {
 }
 
 /// Shoulder and wrist for one elbow sign.
-pub(super) fn sphericals(geometry: &Geometry, circle: &Circle, elbow: f64) -> [Spherical; 2] {
+pub(super) fn sphericals(geometry: &Geometry, circle: &ElbowCircle, elbow: f64) -> [Spherical; 2] {
     // R3 v for a constant v, as constant, cosine and sine part:
     // x3 = e (sin_upper n - cos_upper w), y3 = e w x n, z3 = cos_upper n + sin_upper w, w0 x n = -w1, w1 x n = w0.
     let carried = |v: Vector3<f64>| -> [Vector3<f64>; 3] {
@@ -232,7 +237,8 @@ pub(super) fn sphericals(geometry: &Geometry, circle: &Circle, elbow: f64) -> [S
             circle.w1 * along_w + circle.w0 * across,
         ]
     };
-    let component = |parts: &[Vector3<f64>; 3], i: usize| Sinusoid([parts[0][i], parts[1][i], parts[2][i]]);
+    let component =
+        |parts: &[Vector3<f64>; 3], i: usize| AngleSinusoid([parts[0][i], parts[1][i], parts[2][i]]);
     let c = &geometry.shoulder_offset;
     let columns = [0, 1, 2].map(|j| carried(c.column(j).into()));
     let shoulder = Spherical::new(
@@ -247,7 +253,7 @@ pub(super) fn sphericals(geometry: &Geometry, circle: &Circle, elbow: f64) -> [S
     let rows = [0, 1, 2].map(|i| carried(turned(geometry.wrist_offset.row(i).transpose())));
     let entry = |i: usize, j: usize| {
         let t: Vector3<f64> = circle.tool.column(j).into();
-        Sinusoid([rows[i][0].dot(&t), rows[i][1].dot(&t), rows[i][2].dot(&t)])
+        AngleSinusoid([rows[i][0].dot(&t), rows[i][1].dot(&t), rows[i][2].dot(&t)])
     };
     let wrist = Spherical::new(
         [entry(0, 2), entry(1, 2), entry(2, 2)],

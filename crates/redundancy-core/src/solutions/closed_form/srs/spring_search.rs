@@ -41,7 +41,7 @@ pub(super) struct Piece {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Part {
     Stretch(Stretch),
-    /// Index into [`Search::pieces`].
+    /// Index into [`SpringSearch::pieces`].
     Piece(usize),
 }
 
@@ -78,7 +78,7 @@ pub(super) struct Springs {
     upper: Row,
 }
 
-pub(super) struct Search<'a> {
+pub(super) struct SpringSearch<'a> {
     pub(super) motion: &'a SelfMotion,
     pub(super) springs: Springs,
     pub(super) best: Option<Choice>,
@@ -88,7 +88,7 @@ pub(super) struct Search<'a> {
     pub(super) free: Vec<usize>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> SpringSearch<'a> {
     pub(super) fn new(motion: &'a SelfMotion, springs: &[JointSpring; 7]) -> Self {
         let inner = &motion.arm.inner;
         let springs = Springs {

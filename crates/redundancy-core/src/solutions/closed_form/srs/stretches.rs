@@ -5,7 +5,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::circle::SelfMotion;
-use super::elbow_circle::{Circle, Node, signs};
+use super::elbow_circle::{ElbowCircle, Node, signs};
 use super::spherical::{Spherical, sphericals};
 use crate::joint_space::{TURN, monotone, turned};
 
@@ -113,7 +113,7 @@ impl SelfMotion {
     /// One branch at a node, principal values.
     pub(super) fn sample(&self, branch: usize, node: &Node) -> Sample {
         let geometry = &self.arm.inner.geometry;
-        let q = Circle::branch_of(geometry, &node.angles, branch);
+        let q = ElbowCircle::branch_of(geometry, &node.angles, branch);
         let [s2, _, s6] = signs(branch).map(f64::from);
         let mut rate = node.rates;
         rate[1] *= s2;

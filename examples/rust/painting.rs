@@ -1,6 +1,6 @@
 //! The spray gun of the papers: constant orientation, the best rule, and a plan.
 //!
-//!     cargo run --release --example spray -- [a|b] [seconds] [off|on: joint limits] [margin]
+//!     cargo run --release --example painting -- [a|b] [seconds] [off|on: joint limits] [margin]
 
 #![allow(clippy::print_stdout)] // an example may talk
 

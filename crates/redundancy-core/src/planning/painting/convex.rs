@@ -1,4 +1,4 @@
-//! Sequential convex programming from one start, at growing resolution.
+//! Sequential convex programming from one start: splines of tilt and spin, the rows that bound the speed, one step.
 
 use nalgebra::{Const, SMatrix, SVector};
 
@@ -18,7 +18,7 @@ const MARGIN: f64 = 2e-4;
 
 /// What bounds a plan.
 #[derive(Debug, Clone)]
-pub(super) struct Bounds {
+pub(super) struct PaintingBounds {
     /// Torques, with the margin taken off; infinite for none.
     pub torque: Vec<f64>,
     /// Joint speeds; infinite for none.
@@ -34,14 +34,14 @@ pub(super) struct Bounds {
 }
 
 /// A basis over the path and the places where the rows are taken.
-pub(super) struct Grid {
+pub(super) struct SplineSamples {
     pub basis: QuinticBasis,
     pub s: Vec<f64>,
     pub points: Vec<CurvePoint>,
     pub locals: Vec<LocalBasis>,
 }
 
-impl Grid {
+impl SplineSamples {
     pub fn new(curve: &Curve, intervals: usize, samples: usize) -> Self {
         let (low, high) = curve.ends();
         let basis = QuinticBasis::uniform(low, high, intervals);
@@ -53,12 +53,15 @@ impl Grid {
     }
 
     pub fn parameters<const M: usize>(&self, k: usize, coefficients: &[SVector<f64, M>]) -> Parameters<M> {
-        at(&self.locals[k], coefficients)
+        spline_at(&self.locals[k], coefficients)
     }
 }
 
 /// A spline of parameters at a place.
-pub(super) fn at<const M: usize>(local: &LocalBasis, coefficients: &[SVector<f64, M>]) -> Parameters<M> {
+pub(super) fn spline_at<const M: usize>(
+    local: &LocalBasis,
+    coefficients: &[SVector<f64, M>],
+) -> Parameters<M> {
     let mut out = [[0.0; M]; 3];
     for (row, values) in out.iter_mut().zip(&local.values) {
         for (j, b) in values.iter().enumerate() {
@@ -72,7 +75,7 @@ pub(super) fn at<const M: usize>(local: &LocalBasis, coefficients: &[SVector<f64
 
 /// One row `g <= t` and how it depends on the parameters at its place.
 #[derive(Debug, Clone, Copy)]
-struct Row<const M: usize> {
+struct BoundRow<const M: usize> {
     sample: usize,
     value: f64,
     gradient: [[f64; M]; 3],
@@ -80,14 +83,14 @@ struct Row<const M: usize> {
 
 /// Coefficients with what they give on a grid.
 #[derive(Clone)]
-pub(super) struct State<const N: usize, const M: usize> {
+pub(super) struct SplinePlan<const N: usize, const M: usize> {
     pub coefficients: Vec<SVector<f64, M>>,
     pub q: Vec<SVector<f64, N>>,
     /// Largest `1 / v^2` over all rows.
     pub t: f64,
     pub radius: f64,
     pub done: bool,
-    rows: Vec<Row<M>>,
+    rows: Vec<BoundRow<M>>,
     by_u: Vec<SMatrix<f64, N, M>>,
     /// Rows that mattered in the last step.
     tight: Vec<bool>,
@@ -98,9 +101,9 @@ pub(super) struct Refused;
 
 /// The rows of one place: calls `row` with each value, and the joint when it is one's.
 pub(super) fn rows_of<const N: usize, const M: usize>(
-    bounds: &Bounds,
+    bounds: &PaintingBounds,
     motion: &Motion<N, M>,
-    mut row: impl FnMut(Kind, f64),
+    mut row: impl FnMut(BoundKind, f64),
 ) -> Result<(), Refused> {
     for j in 0..N {
         let limit = bounds.torque[j];
@@ -109,37 +112,37 @@ pub(super) fn rows_of<const N: usize, const M: usize>(
             if up <= 0.0 || down <= 0.0 {
                 return Err(Refused);
             }
-            row(Kind::Up(j), motion.dynamic[j] / up);
-            row(Kind::Down(j), -motion.dynamic[j] / down);
+            row(BoundKind::Up(j), motion.dynamic[j] / up);
+            row(BoundKind::Down(j), -motion.dynamic[j] / down);
         }
         if bounds.velocity[j].is_finite() {
-            row(Kind::Velocity(j), (motion.d[j] / bounds.velocity[j]).powi(2));
+            row(BoundKind::Velocity(j), (motion.d[j] / bounds.velocity[j]).powi(2));
         }
     }
     if bounds.rate.is_finite() {
-        row(Kind::Rate, motion.omega.norm_squared() / (bounds.rate * bounds.rate));
+        row(BoundKind::Rate, motion.omega.norm_squared() / (bounds.rate * bounds.rate));
     }
     Ok(())
 }
 
 /// Which bound a row is.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum BoundKind {
     Up(usize),
     Down(usize),
     Velocity(usize),
     Rate,
 }
 
-/// Row `i` of a matrix over the channels.
+/// BoundRow `i` of a matrix over the channels.
 fn row_of<const N: usize, const M: usize>(m: &SMatrix<f64, N, M>, i: usize, scale: f64) -> [f64; M] {
     std::array::from_fn(|c| m[(i, c)] * scale)
 }
 
 fn gradient<const N: usize, const M: usize>(
-    kind: Kind,
+    kind: BoundKind,
     value: f64,
-    bounds: &Bounds,
+    bounds: &PaintingBounds,
     motion: &Motion<N, M>,
     by: &Sensitivity<N, M>,
 ) -> [[f64; M]; 3] {
@@ -151,13 +154,13 @@ fn gradient<const N: usize, const M: usize>(
         out
     };
     match kind {
-        Kind::Up(j) => torque(j, 1.0, bounds.torque[j] - motion.gravity[j]),
-        Kind::Down(j) => torque(j, -1.0, bounds.torque[j] + motion.gravity[j]),
-        Kind::Velocity(j) => {
+        BoundKind::Up(j) => torque(j, 1.0, bounds.torque[j] - motion.gravity[j]),
+        BoundKind::Down(j) => torque(j, -1.0, bounds.torque[j] + motion.gravity[j]),
+        BoundKind::Velocity(j) => {
             let scale = 2.0 * motion.d[j] / (bounds.velocity[j] * bounds.velocity[j]);
             [row_of(&by.q_rate, j, scale), row_of(&by.q, j, scale), [0.0; M]]
         }
-        Kind::Rate => {
+        BoundKind::Rate => {
             // d |omega|^2 = 2 omega . (A' du + A du'): what turns with omega does not change its length.
             let scale = 2.0 / (bounds.rate * bounds.rate);
             let part = |o: usize| -> [f64; M] {
@@ -170,15 +173,15 @@ fn gradient<const N: usize, const M: usize>(
     }
 }
 
-impl<const N: usize, const M: usize> State<N, M>
+impl<const N: usize, const M: usize> SplinePlan<N, M>
 where
     Const<N>: Size,
 {
     /// Rows and gradients on `grid`, from configurations nearby.
     pub fn new(
         arm: &Arm<'_, N>,
-        grid: &Grid,
-        bounds: &Bounds,
+        grid: &SplineSamples,
+        bounds: &PaintingBounds,
         coefficients: Vec<SVector<f64, M>>,
         near: &[SVector<f64, N>],
         work: &mut Workspace<N>,
@@ -218,7 +221,11 @@ where
             let (rows, t) = (&mut state.rows, &mut state.t);
             rows_of(bounds, &motion, |kind, value| {
                 *t = t.max(value);
-                rows.push(Row { sample: k, value, gradient: gradient(kind, value, bounds, &motion, &by) });
+                rows.push(BoundRow {
+                    sample: k,
+                    value,
+                    gradient: gradient(kind, value, bounds, &motion, &by),
+                });
             })?;
             state.q.push(motion.q);
             state.by_u.push(by.q);
@@ -230,8 +237,8 @@ where
     pub fn step(
         &mut self,
         arm: &Arm<'_, N>,
-        grid: &Grid,
-        bounds: &Bounds,
+        grid: &SplineSamples,
+        bounds: &PaintingBounds,
         frozen: [bool; 2],
         work: &mut Workspace<N>,
     ) -> bool {
@@ -288,35 +295,80 @@ where
     /// Change of the coefficients, the `t` that the linear model promises, and the rows near it.
     fn convex_step(
         &self,
-        grid: &Grid,
-        bounds: &Bounds,
+        grid: &SplineSamples,
+        bounds: &PaintingBounds,
         frozen: [bool; 2],
     ) -> Option<(Vec<SVector<f64, M>>, f64, Vec<bool>)> {
         let functions = grid.basis.len();
         let columns = functions * M + 1;
-        let radius = self.radius;
         let mut program = Program::new(columns);
+        self.add_trust_region(&mut program, functions, frozen);
+        self.add_ranges(&mut program, grid, bounds, frozen);
         // In units of the current t, around it: rows of order one.
         let unit = 1.0 / self.t;
+        // Rows that lie low join only where the step would break them.
+        let was_tight = |i: usize| self.tight.get(i).copied().unwrap_or(false);
+        let mut taken: Vec<bool> =
+            self.rows.iter().enumerate().map(|(i, row)| row.value * unit > ACTIVE || was_tight(i)).collect();
+        let add = |program: &mut Program, row: &BoundRow<M>| {
+            let scaled = row.gradient.map(|order| order.map(|g| g * unit));
+            program.local(&grid.locals[row.sample], &scaled, 1.0, -row.value * unit);
+        };
+        for (row, _) in self.rows.iter().zip(&taken).filter(|(_, taken)| **taken) {
+            add(&mut program, row);
+        }
+        for _ in 0..CUTS {
+            let x = program.solve()?;
+            let change: Vec<SVector<f64, M>> =
+                (0..functions).map(|k| SVector::from_fn(|c, _| x[k * M + c])).collect();
+            let (promised, mut broken) = (x[columns - 1], 0);
+            let mut tight = vec![false; self.rows.len()];
+            self.predict(grid, &change, |i, value| {
+                tight[i] = value * unit > promised - NEAR;
+                if !taken[i] && value * unit > promised + BROKEN {
+                    taken[i] = true;
+                    broken += 1;
+                    add(&mut program, &self.rows[i]);
+                }
+            });
+            if broken == 0 {
+                return Some((change, promised * self.t, tight));
+            }
+        }
+        None
+    }
+
+    /// How far each coefficient may move.
+    fn add_trust_region(&self, program: &mut Program, functions: usize, frozen: [bool; 2]) {
         for k in 0..functions {
             for c in 0..M {
                 let fixed = (c < 2 && frozen[0]) || (c == 2 && frozen[1]);
                 let r = if fixed {
                     0.0
                 } else if c == 2 {
-                    SPIN_RADIUS * radius
+                    SPIN_RADIUS * self.radius
                 } else {
-                    radius
+                    self.radius
                 };
                 program.bounds(k * M + c, -r, r);
             }
         }
+    }
+
+    /// The ranges of joints, spin and tilt, where the step can come near them.
+    fn add_ranges(
+        &self,
+        program: &mut Program,
+        grid: &SplineSamples,
+        bounds: &PaintingBounds,
+        frozen: [bool; 2],
+    ) {
+        let none = [0.0; M];
         for (k, q) in self.q.iter().enumerate() {
             let local = &grid.locals[k];
             for j in 0..N {
                 let reach: f64 =
-                    (0..M).map(|c| self.by_u[k][(j, c)].abs()).sum::<f64>() * SPIN_RADIUS * radius;
-                let none = [0.0; M];
+                    (0..M).map(|c| self.by_u[k][(j, c)].abs()).sum::<f64>() * SPIN_RADIUS * self.radius;
                 if q[j] + reach > bounds.upper[j] - MARGIN {
                     let room = (bounds.upper[j] - MARGIN - q[j]).max(0.0);
                     program.local(local, &[row_of(&self.by_u[k], j, 1.0), none, none], 0.0, room);
@@ -332,62 +384,40 @@ where
                 for sign in [1.0, -1.0] {
                     unit[2] = sign;
                     let room = (bounds.spin - MARGIN - sign * psi).max(0.0);
-                    program.local(local, &[unit, [0.0; M], [0.0; M]], 0.0, room);
+                    program.local(local, &[unit, none, none], 0.0, room);
                 }
             }
         }
-        if !frozen[0] {
-            for k in (0..grid.s.len()).step_by(CONE_STRIDE) {
-                let u = grid.parameters(k, &self.coefficients);
-                let tilt = [u[0][0], u[0][1]];
-                let length = tilt[0].hypot(tilt[1]);
-                if length + 1.5 * radius > bounds.tilt - MARGIN {
-                    program.cone::<M>(&grid.locals[k], tilt, (bounds.tilt - MARGIN).max(length));
-                }
+        if frozen[0] {
+            return;
+        }
+        for k in (0..grid.s.len()).step_by(CONE_STRIDE) {
+            let u = grid.parameters(k, &self.coefficients);
+            let tilt = [u[0][0], u[0][1]];
+            let length = tilt[0].hypot(tilt[1]);
+            if length + 1.5 * self.radius > bounds.tilt - MARGIN {
+                program.cone::<M>(&grid.locals[k], tilt, (bounds.tilt - MARGIN).max(length));
             }
         }
-        // Rows that lie low join only where the step would break them.
-        let was_tight = |i: usize| self.tight.get(i).copied().unwrap_or(false);
-        let mut taken: Vec<bool> =
-            self.rows.iter().enumerate().map(|(i, row)| row.value * unit > ACTIVE || was_tight(i)).collect();
-        let add = |program: &mut Program, row: &Row<M>| {
-            let scaled = row.gradient.map(|order| order.map(|g| g * unit));
-            program.local(&grid.locals[row.sample], &scaled, 1.0, -row.value * unit);
-        };
-        for (row, _) in self.rows.iter().zip(&taken).filter(|(_, taken)| **taken) {
-            add(&mut program, row);
-        }
-        for _ in 0..CUTS {
-            let x = program.solve()?;
-            let change: Vec<SVector<f64, M>> =
-                (0..functions).map(|k| SVector::from_fn(|c, _| x[k * M + c])).collect();
-            let (promised, mut broken) = (x[columns - 1], 0);
-            let mut tight = vec![false; self.rows.len()];
-            let mut du = [[0.0; M]; 3];
-            let mut sample = usize::MAX;
-            for (i, row) in self.rows.iter().enumerate() {
-                if row.sample != sample {
-                    sample = row.sample;
-                    du = at(&grid.locals[sample], &change);
-                }
-                let mut value = row.value;
-                for (gradient, du) in row.gradient.iter().zip(&du) {
-                    for (g, d) in gradient.iter().zip(du) {
-                        value += g * d;
-                    }
-                }
-                tight[i] = value * unit > promised - NEAR;
-                if !taken[i] && value * unit > promised + BROKEN {
-                    taken[i] = true;
-                    broken += 1;
-                    add(&mut program, row);
+    }
+
+    /// Calls `see` with the value of each row in the linear model.
+    fn predict(&self, grid: &SplineSamples, change: &[SVector<f64, M>], mut see: impl FnMut(usize, f64)) {
+        let mut du = [[0.0; M]; 3];
+        let mut sample = usize::MAX;
+        for (i, row) in self.rows.iter().enumerate() {
+            if row.sample != sample {
+                sample = row.sample;
+                du = spline_at(&grid.locals[sample], change);
+            }
+            let mut value = row.value;
+            for (gradient, du) in row.gradient.iter().zip(&du) {
+                for (g, d) in gradient.iter().zip(du) {
+                    value += g * d;
                 }
             }
-            if broken == 0 {
-                return Some((change, promised * self.t, tight));
-            }
+            see(i, value);
         }
-        None
     }
 }
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import redundancy as rd
-from redundancy import orientation_rules, plot_paint
+from redundancy import orientation_rules, plot_painting
 
 RULES = (
     "constant",
@@ -232,10 +232,10 @@ class Job:
             length = len(self.constant.torques)
             before = (np.linspace(best.s[0], best.s[-1], length), self.constant.torques)
         figures = {
-            "speeds.png": plot_paint.speeds([c.name for c in done], np.array([c.speed for c in done])),
-            "torques.png": plot_paint.torques(best.s, best.torques, limits, self.chain.joint_names, before),
-            "orientation.png": plot_paint.orientation(best.s, best.tilt, best.spin, self.half_angle),
-            "path.png": plot_paint.path_from_above(best.poses[:, :3, 3], best.poses[:, :3, 2]),
+            "speeds.png": plot_painting.speeds([c.name for c in done], np.array([c.speed for c in done])),
+            "torques.png": plot_painting.torques(best.s, best.torques, limits, self.chain.joint_names, before),
+            "orientation.png": plot_painting.orientation(best.s, best.tilt, best.spin, self.half_angle),
+            "path.png": plot_painting.path_from_above(best.poses[:, :3, 3], best.poses[:, :3, 2]),
         }
         pictures: dict[str, bytes] = {}
         for name, figure in figures.items():

@@ -7,7 +7,7 @@ use redundancy_core::planning::{
     BarrierRule, OrientationPlanSettings, OrientationRule, RuleKind, RuleSpin, plan_orientation,
 };
 use redundancy_core::timing::{
-    MaxSpeed, SpeedLimit, SpeedSettings, fastest_line, fastest_profile, max_speed,
+    MaxSpeed, SpeedLimit, SpeedSettings, fastest_profile, max_speed, max_speed_of_poses,
 };
 use redundancy_core::{Pose, Status, Watch};
 
@@ -29,7 +29,7 @@ fn run(chain: &Chain, path: &Path, rule: RuleKind) -> MaxSpeed {
     let positions: Vec<Vector3<f64>> = path.poses().iter().map(|p| p.translation.vector).collect();
     let rotations = OrientationRule::new(rule).unwrap().orientations(&positions).unwrap();
     let path = path.with_orientations(&rotations).unwrap();
-    fastest_line(chain, path.s(), path.poses(), None, &SpeedSettings::of(chain)).unwrap()
+    max_speed_of_poses(chain, path.s(), path.poses(), None, &SpeedSettings::of(chain)).unwrap()
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn what_is_wrong_is_named() {
     let (chain, path) = (gun(0.0), reference("a"));
     let settings = SpeedSettings::of(&chain);
     let down = path.with_orientation(&redundancy_core::planning::tool_down()).unwrap();
-    let constant = fastest_line(&chain, path.s(), down.poses(), None, &settings).unwrap();
+    let constant = max_speed_of_poses(&chain, path.s(), down.poses(), None, &settings).unwrap();
     let refuse = |settings: &SpeedSettings| {
         max_speed(&chain, path.s(), &constant.q, settings).unwrap_err().to_string()
     };
@@ -124,7 +124,7 @@ fn what_is_wrong_is_named() {
     for pose in &mut far[100..110] {
         pose.translation.x += 3.0;
     }
-    let text = fastest_line(&chain, path.s(), &far, None, &settings).unwrap_err().to_string();
+    let text = max_speed_of_poses(&chain, path.s(), &far, None, &settings).unwrap_err().to_string();
     assert!(text.contains("10 of 894 points are out of the workspace, indices 100 to 109"), "{text}");
     let bare = catalog::load("pa10").unwrap();
     let torque = SpeedSettings { torque_limits: Some(vec![10.0; 7]), ..SpeedSettings::of(&bare) };

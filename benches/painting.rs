@@ -1,4 +1,4 @@
-//! The spray experiment: torques, rules, the largest speed. `cargo bench --bench spray`; ids `room/function/robot`.
+//! The spray experiment: torques, rules, the largest speed. `cargo bench --bench painting`; ids `room/function/robot`.
 #![allow(clippy::expect_used)] // a bench may stop
 
 use std::hint::black_box;
@@ -12,7 +12,7 @@ use redundancy_core::kinematics::{DynamicsScratch, TorqueDerivatives};
 use redundancy_core::nalgebra::Vector3;
 use redundancy_core::path::Path;
 use redundancy_core::planning::{BarrierRule, OrientationRule, RuleKind, RuleSpin};
-use redundancy_core::timing::{SpeedSettings, fastest_line, fastest_profile, max_speed};
+use redundancy_core::timing::{SpeedSettings, fastest_profile, max_speed, max_speed_of_poses};
 
 fn dynamics(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("kinematics");
@@ -68,17 +68,19 @@ fn planning(criterion: &mut Criterion) {
     let rotations = rule.orientations(&positions).expect("rotations");
     let oriented = path.with_orientations(&rotations).expect("path");
     let (s, poses, settings) = (oriented.s(), oriented.poses(), SpeedSettings::of(&arm));
-    let found = fastest_line(&arm, s, poses, None, &settings).expect("speed");
-    let (q, start) = (found.q, &found.torques);
-    black_box(start);
+    let found = max_speed_of_poses(&arm, s, poses, None, &settings).expect("speed");
+    let q = found.q;
+    group.finish();
+    let mut group = criterion.benchmark_group("timing");
+    group.throughput(Throughput::Elements(positions.len() as u64));
     group.bench_function("max_speed/puma560", |b| {
         b.iter(|| max_speed(&arm, black_box(s), &q, &settings));
     });
-    group.bench_function("fastest_line/puma560", |b| {
-        b.iter(|| fastest_line(&arm, black_box(s), poses, Some(&q[..6]), &settings));
+    group.bench_function("max_speed_of_poses/puma560", |b| {
+        b.iter(|| max_speed_of_poses(&arm, black_box(s), poses, Some(&q[..6]), &settings));
     });
-    group.bench_function("fastest_line_all_branches/puma560", |b| {
-        b.iter(|| fastest_line(&arm, black_box(s), poses, None, &settings));
+    group.bench_function("max_speed_all_branches/puma560", |b| {
+        b.iter(|| max_speed_of_poses(&arm, black_box(s), poses, None, &settings));
     });
     group.sample_size(20);
     group.bench_function("fastest_profile/puma560", |b| {

@@ -1,0 +1,295 @@
+//! `ParallelAxesArm` and `PandaClassArm`.
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use redundancy_core::Error;
+use redundancy_core::solutions::{ClosedForm, Defect, PandaClassArm, ParallelAxesArm};
+
+use crate::batch::in_blocks;
+use crate::chain::PyChain;
+use crate::convert::{Fresh, Threads, read_pose, read_poses, read_rows, read_vector, to_array};
+use crate::error::to_py;
+use crate::self_motion::{Batch, PySolveBatch};
+
+/// Poses between two looks at Ctrl-C: some milliseconds.
+const BLOCK: usize = 16_384;
+/// The same for searches.
+const SEARCH_BLOCK: usize = 512;
+
+/// A six-joint arm with three parallel axes and its closed-form inverse kinematics.
+#[pyclass(name = "ParallelAxesArm", module = "redundancy", frozen)]
+pub struct PyParallelAxesArm {
+    pub arm: ParallelAxesArm,
+    pub chain: Py<PyChain>,
+}
+
+#[pymethods]
+impl PyParallelAxesArm {
+    #[new]
+    fn new(chain: &Bound<'_, PyChain>) -> PyResult<Self> {
+        let arm = ParallelAxesArm::new(&chain.get().chain).map_err(to_py)?;
+        Ok(Self { arm, chain: chain.clone().unbind() })
+    }
+
+    /// The chain that was recognised.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
+    /// `parallel_axes`.
+    #[getter]
+    fn name(&self) -> &'static str {
+        ClosedForm::name(&self.arm)
+    }
+
+    /// `None`: the configurations are isolated.
+    #[getter]
+    fn parameter(&self) -> Option<&'static str> {
+        self.arm.parameter()
+    }
+
+    /// How far the arm is from an ideal one: (metres, radians).
+    #[getter]
+    fn defect(&self) -> (f64, f64) {
+        pair(self.arm.defect())
+    }
+
+    /// Lengths of upper arm and forearm, m.
+    #[getter]
+    fn lengths(&self) -> (f64, f64) {
+        let [upper, fore] = self.arm.lengths();
+        (upper, fore)
+    }
+
+    /// Configurations over a pose.
+    #[pyo3(signature = (pose, limits=true))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        limits: bool,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.arm.solve(&read_pose(pose)?, limits).map_err(to_py)?;
+        to_array(py, rows.as_flattened(), [rows.len(), 6])
+    }
+
+    /// All branches over many poses.
+    #[pyo3(signature = (poses, limits=true, *, threads=None))]
+    fn solve_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        limits: bool,
+        threads: Option<Threads>,
+    ) -> PyResult<PySolveBatch> {
+        let poses = Batch::read(poses)?;
+        let n = poses.len();
+        let (mut q, mut valid) = (Fresh::<f64, _>::new(py, [n, 8, 6]), Fresh::<bool, _>::new(py, [n, 8]));
+        {
+            let (q, valid) = (q.memory()?, valid.memory()?);
+            let data = poses.as_slice()?;
+            in_blocks(py, n, BLOCK, threads, |r| {
+                let (q, valid) = (&mut q[r.start * 48..r.end * 48], &mut valid[r.start * 8..r.end * 8]);
+                self.arm.solve_batch(&data[r.start * 16..r.end * 16], limits, q, valid)
+            })?;
+        }
+        let (q, valid) = (q.finish().to_dyn().clone(), valid.finish().to_dyn().clone());
+        Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
+    }
+
+    /// The configuration over the pose nearest to `q`.
+    #[pyo3(signature = (pose, q, *, threads=None))]
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<Threads>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        if read_poses(pose)?.batch.is_none() {
+            let q = read_vector(q, "q", Some(6))?;
+            let near = self.arm.nearest(&read_pose(pose)?, &q).map_err(to_py)?;
+            return Ok(near.map(|q| PyArray1::from_slice(py, &q).into_any()));
+        }
+        nearest_batch(py, pose, q, threads, BLOCK, |poses, q| self.arm.nearest_batch(poses, q)).map(Some)
+    }
+
+    /// Signs (shoulder, elbow, wrist) of a configuration.
+    fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let rows = read_rows(q, "q", &[6])?;
+        let rows_of = rows.as_slice()?.chunks_exact(6);
+        let signs: Vec<[i8; 3]> =
+            rows_of.map(|q| self.arm.branch(q)).collect::<Result<_, _>>().map_err(to_py)?;
+        match rows.batch {
+            None => Ok(PyTuple::new(py, signs[0])?.into_any()),
+            Some(n) => Ok(to_array(py, signs.as_flattened(), [n, 3])?.into_any()),
+        }
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        (this.get_type(), (this.get().chain.clone_ref(this.py()),)).into_pyobject(this.py())
+    }
+
+    fn __repr__(&self) -> String {
+        let ((upper, fore), (position, orientation)) = (self.lengths(), self.defect());
+        format!(
+            "ParallelAxesArm('{}', upper arm {upper:.6} m, forearm {fore:.6} m, defect {position:.1e} m {orientation:.1e} rad)",
+            self.arm.chain().name(),
+        )
+    }
+}
+
+/// A seven-joint arm of the Panda class and its closed-form inverse kinematics.
+#[pyclass(name = "PandaClassArm", module = "redundancy", frozen)]
+pub struct PyPandaClassArm {
+    pub arm: PandaClassArm,
+    pub chain: Py<PyChain>,
+}
+
+#[pymethods]
+impl PyPandaClassArm {
+    #[new]
+    fn new(chain: &Bound<'_, PyChain>) -> PyResult<Self> {
+        let arm = PandaClassArm::new(&chain.get().chain).map_err(to_py)?;
+        Ok(Self { arm, chain: chain.clone().unbind() })
+    }
+
+    /// The chain that was recognised.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
+    /// `panda_class`.
+    #[getter]
+    fn name(&self) -> &'static str {
+        ClosedForm::name(&self.arm)
+    }
+
+    /// `q7`.
+    #[getter]
+    fn parameter(&self) -> Option<&'static str> {
+        self.arm.parameter()
+    }
+
+    /// How far the arm is from an ideal one: (metres, radians).
+    #[getter]
+    fn defect(&self) -> (f64, f64) {
+        pair(self.arm.defect())
+    }
+
+    /// Distances of shoulder and wrist from axis 4, and of the wrist from axis 7, m.
+    #[getter]
+    fn lengths(&self) -> (f64, f64, f64) {
+        let [upper, fore, hand] = self.arm.lengths();
+        (upper, fore, hand)
+    }
+
+    /// Configurations over a pose at a joint 7.
+    #[pyo3(signature = (pose, q7, limits=true))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        q7: f64,
+        limits: bool,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.arm.solve(&read_pose(pose)?, q7, limits).map_err(to_py)?;
+        to_array(py, rows.as_flattened(), [rows.len(), 7])
+    }
+
+    /// All configurations over many poses.
+    #[pyo3(signature = (poses, q7, limits=true, *, threads=None))]
+    fn solve_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        q7: &Bound<'py, PyAny>,
+        limits: bool,
+        threads: Option<Threads>,
+    ) -> PyResult<PySolveBatch> {
+        let poses = Batch::read(poses)?;
+        let n = poses.len();
+        let q7 = match q7.extract::<f64>() {
+            Ok(q7) => vec![q7],
+            Err(_) => read_vector(q7, "q7", Some(n))?,
+        };
+        let (mut q, mut valid) = (Fresh::<f64, _>::new(py, [n, 8, 7]), Fresh::<bool, _>::new(py, [n, 8]));
+        {
+            let (q, valid) = (q.memory()?, valid.memory()?);
+            let data = poses.as_slice()?;
+            in_blocks(py, n, BLOCK, threads, |r| {
+                let q7 = if q7.len() == 1 { &q7[..] } else { &q7[r.start..r.end] };
+                let (q, valid) = (&mut q[r.start * 56..r.end * 56], &mut valid[r.start * 8..r.end * 8]);
+                self.arm.solve_batch(&data[r.start * 16..r.end * 16], q7, limits, q, valid)
+            })?;
+        }
+        let (q, valid) = (q.finish().to_dyn().clone(), valid.finish().to_dyn().clone());
+        Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
+    }
+
+    /// The configuration over the pose nearest to `q`.
+    #[pyo3(signature = (pose, q, *, threads=None))]
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<Threads>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        if read_poses(pose)?.batch.is_none() {
+            let (pose, q) = (read_pose(pose)?, read_vector(q, "q", Some(7))?);
+            let near = py.detach(|| self.arm.nearest(&pose, &q)).map_err(to_py)?;
+            return Ok(near.map(|found| PyArray1::from_slice(py, &found.q).into_any()));
+        }
+        nearest_batch(py, pose, q, threads, SEARCH_BLOCK, |poses, q| self.arm.nearest_batch(poses, q))
+            .map(Some)
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        (this.get_type(), (this.get().chain.clone_ref(this.py()),)).into_pyobject(this.py())
+    }
+
+    fn __repr__(&self) -> String {
+        let ((upper, fore, hand), (position, orientation)) = (self.lengths(), self.defect());
+        format!(
+            "PandaClassArm('{}', shoulder {upper:.6} m and wrist {fore:.6} m from axis 4, axis 7 {hand:.6} m from the wrist, defect {position:.1e} m {orientation:.1e} rad)",
+            self.arm.chain().name(),
+        )
+    }
+}
+
+fn pair(defect: Defect) -> (f64, f64) {
+    (defect.position, defect.orientation)
+}
+
+/// Nearest configurations over many poses to one `q` or to one each, as a `SolveBatch` of `(N, n)` and `(N,)`.
+fn nearest_batch<'py, const J: usize>(
+    py: Python<'py>,
+    poses: &Bound<'py, PyAny>,
+    q: &Bound<'py, PyAny>,
+    threads: Option<Threads>,
+    block: usize,
+    nearest: impl Fn(&[f64], &[f64]) -> Result<Vec<Option<[f64; J]>>, Error> + Sync,
+) -> PyResult<Bound<'py, PyAny>> {
+    let poses = Batch::read(poses)?;
+    let n = poses.len();
+    let wish = read_rows(q, "q", &[J])?;
+    if let Some(actual) = wish.batch.filter(|m| *m != n) {
+        return Err(to_py(Error::Length { what: "rows of q".into(), expected: n, actual }));
+    }
+    let (data, single, wish) = (poses.as_slice()?, wish.batch.is_none(), wish.as_slice()?);
+    let mut rows = Vec::with_capacity(n);
+    in_blocks(py, n, block, threads, |r| {
+        let wish = if single { wish } else { &wish[r.start * J..r.end * J] };
+        rows.extend(nearest(&data[r.start * 16..r.end * 16], wish)?);
+        Ok(())
+    })?;
+    let q: Vec<[f64; J]> = rows.iter().map(|row| row.unwrap_or([0.0; J])).collect();
+    let q = to_array(py, q.as_flattened(), [n, J])?.to_dyn().clone();
+    let valid = PyArray1::from_iter(py, rows.iter().map(Option::is_some)).to_dyn().clone();
+    let batch = PySolveBatch { q: q.unbind(), valid: valid.unbind() };
+    Ok(Py::new(py, batch)?.into_bound(py).into_any())
+}
