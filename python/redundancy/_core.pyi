@@ -1883,6 +1883,7 @@ class ParallelAxesArm:
         NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
 
     Example:
+        >>> import numpy as np
         >>> import redundancy as rd
         >>> rows = [[0, .16, np.pi / 2, 0], [-.6, 0, 0, 0], [-.57, 0, 0, 0],
         ...         [0, .17, np.pi / 2, 0], [0, .12, -np.pi / 2, 0], [0, .11, 0, 0]]
@@ -1957,7 +1958,7 @@ class PandaClassArm:
         >>> arm = rd.PandaClassArm(rd.catalog.load("panda"))
         >>> pose = arm.chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])
         >>> arm.solve(pose, q7=-0.9).shape
-        (1, 7)
+        (3, 7)
     """
 
     def __new__(cls, chain: Chain) -> Self: ...

@@ -154,7 +154,7 @@ def test_points_outside_the_limits(capsys, tmp_path):
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"--robot": "pa11"}, "unknown robot 'pa11', expected one of: dexter, iiwa14, pa10"),
+        ({"--robot": "pa11"}, "unknown robot 'pa11', expected one of: dexter, fr3, gen3"),
         ({"--robot": "no/arm.urdf"}, "robot file 'no/arm.urdf' does not exist"),
         ({"--robot": "panda"}, "not a spherical-revolute-spherical arm: axes 6 and 7 miss each other by 88"),
         ({"--robot": "pa10", "--base": "link1"}, "--base and --tip belong to URDF files"),
