@@ -39,7 +39,8 @@ fn check_rows(chain: &Chain, path: &Path, freedom: &ToolFreedom, limits: Option<
         let pose = chain.forward(q).unwrap();
         assert!((pose.translation.vector - target.translation.vector).norm() <= 1e-9, "row {row}");
         let turn = UnitQuaternion::from_rotation_matrix(&(target.rotation.inverse() * pose.rotation));
-        let tilt = (pose.rotation * *axis).angle(&(target.rotation * *axis));
+        let (a, b) = (pose.rotation * *axis, target.rotation * *axis);
+        let tilt = a.cross(&b).norm().atan2(a.dot(&b));
         assert!(tilt <= freedom.half_angle() + 1e-8, "row {row}: tilt {tilt}");
         if let SpinFreedom::Within(most) = freedom.spin() {
             let spin = 2.0 * turn.imag().dot(&axis).atan2(turn.w);

@@ -9,7 +9,8 @@ use super::nodes::{Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
 use super::refine::{LEGAL, Refinement, refine};
 use super::report::Outcome;
-use super::search::{Jump, Search};
+use super::search::{Jump, Search, turns_round};
+use crate::joint_space::{TURN, nearest};
 use crate::parallel::prelude::*;
 use crate::path::{BlockedPoint, Reconfiguration};
 use crate::solutions::{SolutionsSettings, solutions};
@@ -112,7 +113,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
     let open = Demand { cyclic: false, ..demand.clone() };
     // A closed path is cut open: its last row is the one before the first.
     let demand = if demand.cyclic { &open.section(0, open.rows()) } else { demand };
-    let mut nodes = nodes;
+    let mut nodes = with_windings(demand, nodes);
     for _ in 0..DENSER {
         let layers = demand.thinned(&nodes.rows);
         let mut search = Search::new(&layers, &nodes);
@@ -128,7 +129,8 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
                 Err(Broken::Step(step, from, to)) => search.forbid(step, from, to),
                 Err(Broken::Gap(layer)) => {
                     let rows = denser(&nodes.rows, layer);
-                    nodes = Nodes::over(demand, rows, 2 * nodes.width(demand.dof()), 1);
+                    let count = 2 * nodes.width(demand.dof());
+                    nodes = with_windings(demand, Nodes::over(demand, rows, count, 1));
                     break;
                 }
             }
@@ -140,6 +142,22 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
             "no continuous line was found, and no line with few reconfigurations either".into(),
         ),
     }
+}
+
+/// States with the windings of the joints that can turn all the way round, last joints first: a line that winds one of them
+/// up has to unwind it in a jump.
+fn with_windings(demand: &Demand, nodes: Nodes) -> Nodes {
+    let missing = |nodes: &Nodes, i: &usize| turns_round(demand, *i) && !nodes.wound.contains(i);
+    let mut nodes = nodes;
+    let mut factor = 1.0;
+    for i in (0..demand.dof()).rev() {
+        let turns = ((demand.upper[i] - demand.lower[i]) / TURN).ceil();
+        if missing(&nodes, &i) && factor * turns <= MOST_WINDINGS {
+            factor *= turns;
+            nodes = nodes.with_windings(demand, i);
+        }
+    }
+    nodes
 }
 
 /// Why a line with jumps does not hold.
@@ -174,7 +192,11 @@ fn pieces(demand: &Demand, nodes: &Nodes, states: &[usize], jumps: &[Jump]) -> R
             }
         };
         let mut q = state(layer - 1, states[layer - 1]);
-        q.extend(state(layer, arrived));
+        let mut to = state(layer, arrived);
+        for i in (0..n).filter(|i| turns_round(demand, *i) && !nodes.wound.contains(i)) {
+            to[i] = nearest(to[i], q[i]);
+        }
+        q.extend(to);
         let local = demand.section(first, end + 1);
         let inner: Vec<usize> = (0..=end - first).collect();
         let filled = fill(&local, &[0, end - first], &q, &inner)
@@ -259,6 +281,8 @@ fn denser(rows: &[usize], layer: usize) -> Vec<usize> {
 
 /// Random starts of a verdict on a point.
 const STARTS: usize = 1_000;
+/// Most windings that are looked at for each state.
+const MOST_WINDINGS: f64 = 8.0;
 /// Times that layers are added where a line jumps.
 const DENSER: usize = 12;
 /// Times that the search is repeated because steps are not connected.

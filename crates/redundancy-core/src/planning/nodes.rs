@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use super::demand::Demand;
 use super::pull::{Pull, Puller, wind_into};
 use super::tool::MOST_BOUNDS;
+use crate::joint_space::windings;
 use crate::kinematics::rotation_vector;
 use crate::parallel::prelude::*;
 use crate::solutions::{Solutions, SolutionsSettings, solutions};
@@ -22,6 +23,8 @@ pub(super) struct Nodes {
     pub rows: Vec<usize>,
     /// States of each, one after the other.
     pub q: Vec<Vec<f64>>,
+    /// Joints whose windings are states of their own.
+    pub wound: Vec<usize>,
     /// Rows between neighbouring layers at which carried states stop.
     stops: Vec<Vec<usize>>,
 }
@@ -33,14 +36,15 @@ impl Nodes {
         if look > 0
             && let Some(q) = exact(demand, &rows)
         {
-            return Self { stops: Vec::new(), rows, q };
+            return Self { wound: Vec::new(), stops: Vec::new(), rows, q };
         }
         Self::sample(demand, rows, count, look)
     }
 
     fn sample(demand: &Demand, rows: Vec<usize>, count: usize, look: usize) -> Self {
         let layers = rows.len();
-        let mut nodes = Self { stops: stops(demand, &rows), q: vec![Vec::new(); layers], rows };
+        let mut nodes =
+            Self { wound: Vec::new(), stops: stops(demand, &rows), q: vec![Vec::new(); layers], rows };
         let seeds = SEED_LAYERS.min(layers);
         let each = count.div_ceil(seeds);
         let work: Vec<(usize, usize)> = (0..seeds)
@@ -64,6 +68,27 @@ impl Nodes {
         nodes.keep_given(demand);
         nodes.merge_equal(demand);
         nodes
+    }
+
+    /// The same with the windings of a joint within its limits as states of their own.
+    pub fn with_windings(mut self, demand: &Demand, joint: usize) -> Self {
+        let n = demand.dof();
+        for (layer, q) in self.q.iter_mut().enumerate() {
+            if demand.given(self.rows[layer]).is_some() {
+                continue;
+            }
+            let mut all = Vec::with_capacity(2 * q.len());
+            for state in q.chunks_exact(n) {
+                for winding in windings(state[joint], demand.lower[joint], demand.upper[joint]) {
+                    let first = all.len();
+                    all.extend_from_slice(state);
+                    all[first + joint] = winding;
+                }
+            }
+            *q = all;
+        }
+        self.wound.push(joint);
+        self
     }
 
     /// States over a layer, on average.

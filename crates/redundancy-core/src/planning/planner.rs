@@ -135,14 +135,23 @@ impl Run<'_> {
             (level.number as f64 + 1.0) / LEVELS.len() as f64,
         );
         let rows = demand.even_rows((layer_count(demand) * level.layers).min(MOST_LAYERS));
-        let nodes = Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number);
+        let mut nodes = Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number);
         if nodes.q.iter().any(Vec::is_empty) || part.report(0.3).is_err() {
             return Found { best: None, nodes };
         }
         let layers = demand.thinned(&rows);
         let middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
-        let mut search = Search::new(&layers, &nodes);
-        let lines = connected_lines(demand, &mut search, &rows, &middle, watch);
+        let mut lines = Vec::new();
+        // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
+        for _ in 0..=MOST_WOUND {
+            let mut search = Search::new(&layers, &nodes);
+            let (connected, wound) = connected_lines(demand, &mut search, &rows, &middle, watch);
+            lines = connected;
+            match wound {
+                Some(joint) if lines.is_empty() => nodes = nodes.with_windings(demand, joint),
+                _ => break,
+            }
+        }
         if lines.is_empty() || part.report(0.5).is_err() {
             let best = lines.into_iter().find_map(|q| self.unrefined(&middle, &q));
             return Found { best, nodes };
@@ -212,18 +221,20 @@ fn distinct(demand: &Demand, lines: Vec<Refined>) -> Vec<Refined> {
     out
 }
 
-/// Lines of the search that are connected, on the rows `middle`.
+/// Lines of the search that are connected, on the rows `middle`, and a joint that winds out of its limits along others.
 fn connected_lines(
     demand: &Demand,
     search: &mut Search<'_>,
     rows: &[usize],
     middle: &[usize],
     watch: &Watch,
-) -> Vec<Vec<f64>> {
+) -> (Vec<Vec<f64>>, Option<usize>) {
     let mut out: Vec<Vec<f64>> = Vec::new();
+    let mut wound = None;
     for _ in 0..REPEATS {
-        let lines = search.lines(LINES);
-        let filled: Vec<(Line, std::result::Result<Vec<f64>, usize>)> = (lines.into_par_iter())
+        let found = search.lines(LINES);
+        wound = found.wound.first().copied();
+        let filled: Vec<(Line, std::result::Result<Vec<f64>, usize>)> = (found.lines.into_par_iter())
             .map(|line| {
                 let filled = fill(demand, rows, &line.q, middle);
                 (line, filled)
@@ -244,7 +255,7 @@ fn connected_lines(
             break;
         }
     }
-    out
+    (out, wound)
 }
 
 /// Refines a line towards the objective.
@@ -334,6 +345,8 @@ const FINE_LINES: usize = 2;
 const FINE_WINDOW: f64 = 1.02;
 /// Root mean square distance (rad) below which two refined lines are the same.
 const SAME_LINE: f64 = 0.02;
+/// Joints whose windings become states of their own.
+const MOST_WOUND: usize = 3;
 /// Times that the search is repeated because steps were not connected.
 const REPEATS: usize = 30;
 /// Room of the cap above the least peak speed.

@@ -54,12 +54,10 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
                 .build()
         }
         Outcome::Jumps { q, jumps, reason } => of_jumps(demand, path, &q, jumps, reason),
-        Outcome::Nothing(reason) => {
-            PlanBuilder::without_rows(names(), Status::Infeasible)?
-                .reason(reason)
-                .asking_about_units(&demand.chain, path)
-                .build()
-        }
+        Outcome::Nothing(reason) => PlanBuilder::without_rows(names(), Status::Infeasible)?
+            .reason(reason)
+            .asking_about_units(&demand.chain, path)
+            .build(),
     }
 }
 

@@ -19,6 +19,19 @@ pub(super) struct Line {
     pub q: Vec<f64>,
 }
 
+/// What [`Search::lines`] finds.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lines {
+    pub lines: Vec<Line>,
+    /// Joints that wind out of their limits along lines that were left out.
+    pub wound: Vec<usize>,
+}
+
+/// Whether a joint can turn all the way round.
+pub(super) fn turns_round(demand: &Demand, joint: usize) -> bool {
+    demand.chain.steps()[joint].rotational && demand.upper[joint] - demand.lower[joint] >= TURN
+}
+
 /// The graph of states and steps.
 pub(super) struct Search<'a> {
     /// The problem on the layers.
@@ -35,9 +48,7 @@ impl<'a> Search<'a> {
     /// The graph; `demand` is the problem on the rows of `nodes`.
     pub fn new(demand: &'a Demand, nodes: &'a Nodes) -> Self {
         let n = demand.dof();
-        let round: Vec<bool> = (0..n)
-            .map(|i| demand.chain.steps()[i].rotational && demand.upper[i] - demand.lower[i] >= TURN)
-            .collect();
+        let round: Vec<bool> = (0..n).map(|i| turns_round(demand, i) && !nodes.wound.contains(&i)).collect();
         let node_cost = (nodes.q.par_iter().enumerate())
             .map(|(layer, q)| q.chunks_exact(n).map(|q| demand.row_cost(layer, q) as f32).collect())
             .collect();
@@ -59,15 +70,15 @@ impl<'a> Search<'a> {
         self.edges[step][from * width + to] = f32::INFINITY;
     }
 
-    /// Up to `count` cheapest lines that differ.
-    pub fn lines(&self, count: usize) -> Vec<Line> {
+    /// Up to `count` cheapest lines that differ, and the joints that wind out of their limits along others.
+    pub fn lines(&self, count: usize) -> Lines {
         if self.node_cost.iter().any(Vec::is_empty) {
-            return Vec::new();
+            return Lines::default();
         }
         if self.demand.cyclic { self.closed_lines(count) } else { self.open_lines(count) }
     }
 
-    fn open_lines(&self, count: usize) -> Vec<Line> {
+    fn open_lines(&self, count: usize) -> Lines {
         let layers = self.node_cost.len();
         let mut to_come = vec![self.node_cost[0].clone()];
         for step in 0..layers - 1 {
@@ -88,11 +99,11 @@ impl<'a> Search<'a> {
             .filter(|entry| entry.0.is_finite())
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let Some(best) = order.first().map(|entry| entry.0) else { return Vec::new() };
-        let mut out: Vec<Line> = Vec::new();
+        let Some(best) = order.first().map(|entry| entry.0) else { return Lines::default() };
+        let mut out = Lines::default();
         let mut seen: Vec<Vec<bool>> = (0..layers).map(|layer| vec![false; self.states(layer)]).collect();
         for (cost, layer, state) in order {
-            if out.len() >= count || cost > COST_WINDOW * best + f32::MIN_POSITIVE {
+            if out.lines.len() >= count || cost > COST_WINDOW * best + f32::MIN_POSITIVE {
                 break;
             }
             if seen[layer][state] {
@@ -214,7 +225,7 @@ impl<'a> Search<'a> {
     }
 
     /// Lines that end in the state in which they began.
-    fn closed_lines(&self, count: usize) -> Vec<Line> {
+    fn closed_lines(&self, count: usize) -> Lines {
         let layers = self.node_cost.len();
         let found: Vec<(f32, Vec<usize>)> = (0..self.states(0))
             .into_par_iter()
@@ -245,9 +256,9 @@ impl<'a> Search<'a> {
             .collect();
         let mut order: Vec<usize> = (0..found.len()).collect();
         order.sort_by(|a, b| found[*a].0.total_cmp(&found[*b].0).then(a.cmp(b)));
-        let mut out = Vec::new();
+        let mut out = Lines::default();
         for i in order {
-            if out.len() >= count {
+            if out.lines.len() >= count {
                 break;
             }
             self.push_if_new(&mut out, found[i].1.clone());
@@ -256,8 +267,16 @@ impl<'a> Search<'a> {
     }
 
     /// Adds a line that lies within its limits and away from the others.
-    fn push_if_new(&self, out: &mut Vec<Line>, states: Vec<usize>) {
-        let Some(q) = self.unwound(&states) else { return };
+    fn push_if_new(&self, out: &mut Lines, states: Vec<usize>) {
+        let q = match self.unwound(&states) {
+            Ok(q) => q,
+            Err(joint) => {
+                if !out.wound.contains(&joint) {
+                    out.wound.push(joint);
+                }
+                return;
+            }
+        };
         let layers = states.len() as f64;
         let apart = |other: &Line| {
             let square: f64 = (q.iter().zip(&other.q).enumerate())
@@ -265,8 +284,8 @@ impl<'a> Search<'a> {
                 .sum();
             (square / layers).sqrt() > APART
         };
-        if out.iter().all(apart) {
-            out.push(Line { states, q });
+        if out.lines.iter().all(apart) {
+            out.lines.push(Line { states, q });
         }
     }
 
@@ -274,8 +293,8 @@ impl<'a> Search<'a> {
         if self.round[joint] { wrap(d) } else { d }
     }
 
-    /// Configurations of a line with continuous windings inside the limits.
-    fn unwound(&self, states: &[usize]) -> Option<Vec<f64>> {
+    /// Configurations of a line with continuous windings inside the limits; the joint that leaves them.
+    fn unwound(&self, states: &[usize]) -> Result<Vec<f64>, usize> {
         let n = self.demand.dof();
         let mut q = Vec::with_capacity(states.len() * n);
         for (layer, state) in states.iter().enumerate() {
@@ -298,7 +317,7 @@ impl<'a> Search<'a> {
             if self.demand.cyclic {
                 let (first, last) = (q[i], q[q.len() - n + i]);
                 if (first - last).abs() > std::f64::consts::PI {
-                    return None;
+                    return Err(i);
                 }
             }
             let given = self.demand.first.is_some() || self.demand.last.is_some();
@@ -307,10 +326,10 @@ impl<'a> Search<'a> {
             q.iter_mut().skip(i).step_by(n).for_each(|q| *q -= off);
             let (least, most) = (least - off, most - off);
             if least < self.demand.lower[i] - WINDING_SLACK || most > self.demand.upper[i] + WINDING_SLACK {
-                return None;
+                return Err(i);
             }
         }
-        Some(q)
+        Ok(q)
     }
 
     fn forward(&self, step: usize, come: &[f32]) -> Vec<f32> {

@@ -4,7 +4,7 @@ use super::super::demand::Demand;
 use super::banded::Banded;
 use super::bounds::{Sets, screened};
 use super::goal::Goal;
-use super::linear::Linear;
+use super::linear::{Linear, Residual};
 use crate::watch::Watch;
 
 /// How far a refinement goes.
@@ -132,9 +132,8 @@ impl<'a> Interior<'a> {
             let mut system = self.linear.linearise(self.mu);
             let residual = self.linear.residual(self.mu);
             let force = self.linear.force();
-            let tight = residual.slope <= self.how.slope * force && residual.infeasibility <= INFEASIBILITY;
-            if self.mu <= last && tight && residual.gap <= GAP * self.mu.max(last) {
-                converged = true;
+            converged = self.is_done(&residual, last);
+            if converged {
                 break;
             }
             let loose = residual.slope <= LOOSE * force && residual.gap <= LOOSE_GAP * self.mu;
@@ -153,8 +152,11 @@ impl<'a> Interior<'a> {
                 self.lower(last);
             }
         }
-        let residual = self.linear.residual(self.mu);
-        let (slope, force) = (residual.slope, self.linear.force());
+        if !converged {
+            self.linear.linearise(self.mu);
+            converged = self.is_done(&self.linear.residual(self.mu), last);
+        }
+        let (slope, force) = (self.linear.residual(self.mu).slope, self.linear.force());
         let q = self.linear.exact()?;
         let violation = self.linear.violation(&q);
         Some(Refined {
@@ -165,6 +167,14 @@ impl<'a> Interior<'a> {
             iterations,
             converged,
         })
+    }
+
+    /// Whether the conditions of an optimum hold closely enough, with the last barrier.
+    fn is_done(&self, residual: &Residual, last: f64) -> bool {
+        self.mu <= last
+            && residual.slope <= self.how.slope * self.linear.force()
+            && residual.infeasibility <= INFEASIBILITY
+            && residual.gap <= GAP * self.mu
     }
 
     /// The factored system, with as much damping as makes it positive definite.
@@ -220,8 +230,10 @@ impl<'a> Interior<'a> {
                     better([merit, infeasibility])
                 };
                 let large = trial.infeasibility > LARGE_INFEASIBILITY * scale;
-                if good && !large && self.filter.iter().all(|entry| better(*entry)) {
-                    if !descent {
+                // What rounding leaves of a step goes through for the sake of the multipliers.
+                let tiny = direction.size <= STANDSTILL && trial.infeasibility <= INFEASIBILITY * scale;
+                if tiny || (good && !large && self.filter.iter().all(|entry| better(*entry))) {
+                    if !descent && !tiny {
                         self.filter.push([
                             merit - FILTER_SHARE * infeasibility,
                             (1.0 - FILTER_SHARE) * infeasibility,
