@@ -145,3 +145,9 @@ def vector(text: str, option: str, count: int) -> NDArray[np.float64]:
     if len(values) != count or not np.isfinite(values).all():
         raise rd.RedundancyError(f"{option} is '{text}', it must be {count} comma-separated numbers")
     return values
+
+
+def on_rail(chain: rd.Chain, text: str) -> rd.Chain:
+    """The arm on a rail `x,y,z,lower,upper`."""
+    values = vector(text, "--rail", 5)
+    return chain.with_rail(values[:3], float(values[3]), float(values[4]))

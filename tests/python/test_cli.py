@@ -81,11 +81,15 @@ def test_track_with_a_urdf_a_swivel_and_a_branch(capsys, tmp_path):
     np.testing.assert_allclose(trajectory.t, times, atol=1e-12)
 
 
-def test_demo_follows_two_paths_of_1000_points(capsys, tmp_path):
+def test_demo_follows_paths_of_1000_points(capsys, tmp_path):
     status, out, err = run(capsys, "demo", "--out", tmp_path, "--no-plots")
     assert (status, err) == (0, "")
-    for name in ("pa10", "iiwa"):
+    for name in ("pa10", "iiwa", "panda", "ur", "rail"):
         assert len(rd.Trajectory.from_csv(tmp_path / name / "trajectory.csv")) == 1000
+    for name in ("panda", "ur", "rail"):
+        plan = rd.Plan.from_npz(tmp_path / name / "plan.npz")
+        assert (plan.status, plan.legal) == ("converged", True)
+    assert out.count("$ redundancy plan") == 3
     # Two rasters, and an elbow that goes round a ball.
     assert out.count("$ redundancy track") == 3
     assert out.count("$ redundancy paint") == 1

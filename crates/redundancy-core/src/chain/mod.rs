@@ -15,6 +15,7 @@ mod collision;
 mod dh;
 mod entries;
 mod extend;
+mod fix;
 mod joint;
 mod published;
 mod units;
