@@ -95,12 +95,8 @@ fn every_reachable_pose_is_met_within_limits() {
 
 #[test]
 fn the_closed_forms_are_used_and_exact() {
-    let catalogue = [
-        ("iiwa14", "srs"),
-        ("pa10", "srs"),
-        ("panda", "panda_class"),
-        ("puma560", "spherical_wrist"),
-    ];
+    let catalogue =
+        [("iiwa14", "srs"), ("pa10", "srs"), ("panda", "panda_class"), ("puma560", "spherical_wrist")];
     let arms = catalogue.map(|(name, form)| (catalog::load(name).unwrap(), form));
     for (chain, form) in arms.into_iter().chain([(ur5(), "parallel_axes")]) {
         let solver = IkSolver::new(&chain, IkSettings::default()).unwrap();

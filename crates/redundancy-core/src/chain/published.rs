@@ -4,6 +4,8 @@
 //! angles within 1e-5 of a multiple of a right angle are that multiple, so that axes meet and are parallel as they are meant to.
 //! Masses are left out except where a maker gives its own.
 
+#![expect(clippy::approx_constant, reason = "the numbers are those of the published files, digit by digit")]
+
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};

@@ -229,7 +229,7 @@ impl SaturatedNullspace {
                 }
             }
             None => {
-                self.bounds.approach(columns, &v, qd);
+                self.bounds.approach(columns, v, qd);
                 self.bounds.report(qd, &mut self.active);
                 report.status = Status::Limits;
                 report.residual = distance(&times(columns, qd), v);

@@ -89,6 +89,7 @@ struct Crossing {
 type Crossings = SmallVec<[Crossing; 14]>;
 
 /// What is known of a part.
+#[expect(clippy::large_enum_variant, reason = "one at a time on the stack; a box would allocate")]
 enum Verdict {
     Dropped,
     Kept,
@@ -294,7 +295,6 @@ pub(super) fn visit(walk: &Walk<'_>, sheet: &Sheet, limits: &Limits, take: &mut 
 
 /// What is feasible between two nodes at which the joints of `crossings` pass a limit; bit i of `inside`: joint i is inside
 /// at the beginning.
-#[allow(clippy::too_many_arguments)] // a piece of `visit`
 fn cross(
     walk: &Walk<'_>,
     sheet: &Sheet,
