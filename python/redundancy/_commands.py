@@ -123,7 +123,10 @@ SOURCES = {
     "sawyer": ("Rethink Robotics Sawyer", "sawyer_robot d1ef3d0"),
     "unitree_g1": ("Unitree G1, left arm", "unitree_ros 5ae4fa5"),
     **{
-        name: (f"Universal Robots {name.upper().replace('E', 'e')}", "Universal_Robots_ROS2_Description 2221ec0")
+        name: (
+            f"Universal Robots {name.upper().replace('E', 'e')}",
+            "Universal_Robots_ROS2_Description 2221ec0",
+        )
         for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
     },
     "xarm7": ("UFACTORY xArm 7", "xarm_ros2 3654ba7"),
@@ -642,7 +645,9 @@ def paint(
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
-    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")] = "all",
+    rule: Annotated[
+        str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")
+    ] = "all",
     plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
     half_angle: Annotated[
         float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
@@ -863,10 +868,10 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Arms follow built-in paths of 1 000 points: two by their elbow, one of them again around a ball, a Panda, a UR
-    with a free tool axis and an iiwa on a rail by the planner for any arm; and a PUMA 560 paints.
+    """Arms follow built-in paths of 1 000 points, and a PUMA 560 paints.
 
-    Writes the paths too, and prints the commands that do the same.
+    Two arms follow by their elbow, one of them again around a ball; a Panda, a UR with a free tool axis and an iiwa on
+    a rail by the planner for any arm. Writes the paths too, and prints the commands that do the same.
 
     Example:  redundancy demo --out demo/
     """
@@ -891,15 +896,18 @@ def demo(
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
     Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
     _out.print()
-    for name, robot, path, options in demo_plans():
+    for name, robot, path, choices in demo_plans():
         file = out / f"{name}_path.csv"
         path.to_csv(file)
-        words = "".join(f" --{key} {value}" for key, value in options.items())
-        _out.print(f"[dim]$ redundancy plan --robot {robot} --path {file}{words} --out {out / name}[/]", soft_wrap=True)
+        words = "".join(f" --{key} {value}" for key, value in choices.items())
+        _out.print(
+            f"[dim]$ redundancy plan --robot {robot} --path {file}{words} --out {out / name}[/]",
+            soft_wrap=True,
+        )
         chain = rd.catalog.load(robot)
-        if "rail" in options:
-            chain = _plan.on_rail(chain, options["rail"])
-        freedom = rd.ToolFreedom(spin=_plan.spin_of(options.get("spin", "0")))
+        if "rail" in choices:
+            chain = _plan.on_rail(chain, choices["rail"])
+        freedom = rd.ToolFreedom(spin=_plan.spin_of(choices.get("spin", "0")))
         plan_job(_plan.Job(chain, robot, file, path, out / name, {"freedom": freedom}, plots))
         _out.print()
     file = out / "paint_path.csv"
@@ -913,7 +921,15 @@ def demo(
     angles = (float(np.deg2rad(10.0)), float(np.deg2rad(20.0)))
     paint_job(
         _painting.Job(
-            gun, "puma560", file, out / "paint", _painting.RULES, *angles, plan=True, time_limit=4.0, plots=plots
+            gun,
+            "puma560",
+            file,
+            out / "paint",
+            _painting.RULES,
+            *angles,
+            plan=True,
+            time_limit=4.0,
+            plots=plots,
         )
     )
 
