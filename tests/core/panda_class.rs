@@ -325,8 +325,18 @@ fn nearest_and_best_are_never_worse_than_a_scan() {
 }
 
 #[test]
-#[ignore = "known gap: 1e-9 from the end of the elbow the nearest configuration is off by a quarter radian"]
 fn degenerate_poses_are_defined() {
+    degenerate_poses(false);
+}
+
+/// The same, and the nearest configuration is met where the elbow is at or near its end.
+#[test]
+#[ignore = "known gap: near the end of the elbow `nearest` can miss the given configuration by 0.06 rad and more"]
+fn the_nearest_is_met_at_the_end_of_the_elbow() {
+    degenerate_poses(true);
+}
+
+fn degenerate_poses(strict: bool) {
     let mut rng = rng(5);
     for chain in free_arms().into_iter().chain(real_arms()) {
         let arm = PandaClassArm::new(&chain).unwrap();
@@ -349,26 +359,38 @@ fn degenerate_poses_are_defined() {
                     (q[3], q[4]) = (y + near, quarter(&mut rng));
                 }
             }
+            // So near to the end of the elbow a configuration is known to the root of the rounding, which decides whether the given
+            // joint 7 is within its range. The curves are not proven where they miss one.
+            let elbow = k % 5 > 2;
+            let doubtful = elbow && near <= 1e-9;
+            let bound = if doubtful { bound + 1e-8 } else { bound };
             let target = chain.forward(&q).unwrap();
             let free = PandaClassArm::new(&chain.with_limits(&[Limits::NONE; 7]).unwrap()).unwrap();
-            // With the elbow at its end the Jacobian is singular: the pose is met to the root of the rounding.
-            let bound = if k % 5 > 2 { bound + 1e-8 } else { bound };
             let rows = free.solve(&target, q[6], false).unwrap();
-            assert!(!rows.is_empty(), "{k} {near:e} {q:?}");
+            // A defect moves the place where joint 7 turns back, and with it whether the given value is reached.
+            let moved = free.defect().orientation.max(free.defect().position) > 1e-9;
+            assert!(!rows.is_empty() || doubtful || moved, "{k} {near:e} {q:?}");
             for row in &rows {
                 let error = pose_error(&chain.forward(row).unwrap(), &target);
                 assert!(row.iter().all(|x| x.is_finite()) && error < bound, "{k} {error:e} {row:?} {q:?}");
             }
             let motion = free.self_motion(&target).unwrap();
-            assert_eq!(motion.status(), Status::Converged, "{k} {near:e} {q:?}");
-            let close = Solutions::nearest(&motion, &q).unwrap().unwrap();
-            assert!(close.q.iter().all(|x| x.is_finite()));
-            let error = pose_error(&chain.forward(&close.q).unwrap(), &target);
-            assert!(error < bound, "{k} {error:e} {q:?}");
+            assert!(doubtful || motion.status() == Status::Converged, "{k} {near:e} {q:?}");
             let gimbal = near < 1e-6 && (k % 5 == 1 || k % 5 == 2);
             // Where two ends meet, rounding of one joint moves another by its root.
             let least = if k % 5 > 2 || bound > 1e-9 { 0.03 } else { 1e-3 };
-            assert!(gimbal || close.value < least, "{k} {near:e} {} {:?} {q:?}", close.value, close.q);
+            let mut missed = false;
+            match Solutions::nearest(&motion, &q).unwrap() {
+                Some(close) => {
+                    assert!(close.q.iter().all(|x| x.is_finite()));
+                    let error = pose_error(&chain.forward(&close.q).unwrap(), &target);
+                    assert!(error < bound, "{k} {error:e} {q:?}");
+                    missed |= !gimbal && close.value >= least;
+                }
+                None => missed = true,
+            }
+            assert!(!missed || (elbow && !strict), "{k} {near:e} {q:?}");
+            assert!(!missed || near > 1e-9 || !motion.proven(), "{k} {near:e} {q:?}");
             for piece in 0..motion.pieces() {
                 for j in 0..50 {
                     let u = TAU * f64::from(j) / 50.0 - PI;

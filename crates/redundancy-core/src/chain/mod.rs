@@ -15,7 +15,6 @@ mod collision;
 mod dh;
 mod entries;
 mod extend;
-mod fix;
 mod joint;
 mod published;
 mod units;

@@ -7,7 +7,7 @@ use super::demand::Demand;
 use super::fill::fill;
 use super::nodes::{Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
-use super::refine::{LEGAL, Refinement, refine};
+use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
 use crate::joint_space::{TURN, nearest};
@@ -172,11 +172,7 @@ enum Broken {
 fn pieces(demand: &Demand, nodes: &Nodes, states: &[usize], jumps: &[Jump]) -> Result<Vec<f64>, Broken> {
     let n = demand.dof();
     let state = |layer: usize, state: usize| nodes.q[layer][state * n..(state + 1) * n].to_vec();
-    let mut out: Vec<f64> =
-        state(0, jumps.iter().find(|j| j.layer == 0).and_then(|j| j.before).unwrap_or(states[0]));
-    if jumps.iter().any(|jump| jump.layer == 0) {
-        out = state(0, states[0]);
-    }
+    let mut out: Vec<f64> = state(0, states[0]);
     for layer in 1..nodes.rows.len() {
         let (first, end) = (nodes.rows[layer - 1], nodes.rows[layer]);
         let jump = jumps.iter().find(|jump| jump.layer == layer);
@@ -227,7 +223,7 @@ fn assembled(
             let part = demand.section(first, end);
             let how = Refinement { watch: Some(watch), slope: 1e-5, last_barrier: 1e-5, ..Refinement::FINE };
             if let Some(refined) = refine(&part, q[first * n..end * n].to_vec(), &how)
-                && refined.violation <= LEGAL
+                && refined.is_legal()
             {
                 q[first * n..end * n].copy_from_slice(&refined.q);
             }
@@ -249,23 +245,26 @@ fn assembled(
     let jumps: Vec<Reconfiguration> =
         rows.iter().map(|row| Reconfiguration { row: *row, reason: step(*row) }).collect();
     let farthest = search.farthest();
-    let (last, next) =
-        (nodes.rows[farthest], nodes.rows.get(farthest + 1).copied().unwrap_or(demand.rows() - 1));
-    let where_to = if farthest + 1 < nodes.rows.len() {
-        format!("no line from the start goes on from point {last} to point {next}")
-    } else {
-        "the steps that were found are not connected".to_owned()
+    let where_to = match nodes.rows.get(farthest + 1) {
+        Some(next) => {
+            format!("no line from the start goes on from point {} to point {next}", nodes.rows[farthest])
+        }
+        None => "the steps that were found are not connected".to_owned(),
     };
-    let count = jumps.len();
-    let times = if count == 1 { "reconfiguration is" } else { "reconfigurations are" };
-    let first = jumps
-        .first()
-        .map_or(String::new(), |jump| format!(", the first one before point {}: {}", jump.row, jump.reason));
-    let states = nodes.width(n);
-    let reason = format!(
-        "{count} {times} needed{first}; {where_to} ({states} states over each of {} points)",
-        nodes.rows.len()
-    );
+    let found = match &jumps[..] {
+        [] => "a line without reconfigurations exists, but none was found that keeps all limits".to_owned(),
+        [only] => {
+            format!("1 reconfiguration is needed, before point {}: {}; {where_to}", only.row, only.reason)
+        }
+        [first, ..] => format!(
+            "{} reconfigurations are needed, the first one before point {}: {}; {where_to}",
+            jumps.len(),
+            first.row,
+            first.reason
+        ),
+    };
+    let reason =
+        format!("{found} (searched: {} states over each of {} points)", nodes.width(n), nodes.rows.len());
     Outcome::Jumps { q, jumps, reason }
 }
 

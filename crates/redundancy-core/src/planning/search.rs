@@ -130,7 +130,7 @@ impl<'a> Search<'a> {
             match layer.checked_sub(1) {
                 None => {
                     for (entry, cost) in table.iter_mut().zip(costs) {
-                        *entry = Reached { jumps: 0, cost: *cost, from: From::Start };
+                        *entry = Reached { jumps: 0, cost: *cost, from: Arrival::Start };
                     }
                 }
                 Some(step) => {
@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
                         for (to, edge) in row.iter().enumerate() {
                             if edge.is_finite() {
                                 let cost = before[state].cost + edge + costs[to];
-                                table[to].improve(before[state].jumps, cost, From::Step(state));
+                                table[to].improve(before[state].jumps, cost, Arrival::Step(state));
                             }
                         }
                     }
@@ -151,12 +151,12 @@ impl<'a> Search<'a> {
             if let Some(best) = best_of(&table) {
                 let Reached { jumps, cost, .. } = table[best];
                 for state in 0..table.len() {
-                    table[state].improve(jumps + 1, cost + costs[state], From::Within(best));
+                    table[state].improve(jumps + 1, cost + costs[state], Arrival::Within(best));
                 }
             } else if let (Some(best), Some(step)) = (through_gap, layer.checked_sub(1)) {
                 let Reached { jumps, cost, .. } = tables[step][best];
                 for state in 0..table.len() {
-                    table[state].improve(jumps + 1, cost + costs[state], From::Gap(best));
+                    table[state].improve(jumps + 1, cost + costs[state], Arrival::Gap(best));
                 }
             }
             tables.push(table);
@@ -171,19 +171,19 @@ impl<'a> Search<'a> {
         let mut jumps = Vec::new();
         for layer in (0..layers).rev() {
             states[layer] = state;
-            if let From::Within(before) = tables[layer][state].from {
+            if let Arrival::Within(before) = tables[layer][state].from {
                 jumps.push(Jump { layer, before: Some(before) });
                 state = before;
             }
             match tables[layer][state].from {
-                From::Start => {}
-                From::Step(before) => state = before,
-                From::Gap(before) => {
+                Arrival::Start => {}
+                Arrival::Step(before) => state = before,
+                Arrival::Gap(before) => {
                     jumps.push(Jump { layer, before: None });
                     state = before;
                 }
                 // A jump leads to a state that was reached by a step.
-                From::Within(_) => return None,
+                Arrival::Within(_) => return None,
             }
         }
         jumps.reverse();
@@ -371,11 +371,11 @@ pub(super) struct Jump {
 struct Reached {
     jumps: u32,
     cost: f32,
-    from: From,
+    from: Arrival,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum From {
+enum Arrival {
     Start,
     Step(usize),
     Within(usize),
@@ -383,9 +383,9 @@ enum From {
 }
 
 impl Reached {
-    const NEVER: Self = Self { jumps: u32::MAX, cost: f32::INFINITY, from: From::Start };
+    const NEVER: Self = Self { jumps: u32::MAX, cost: f32::INFINITY, from: Arrival::Start };
 
-    fn improve(&mut self, jumps: u32, cost: f32, from: From) {
+    fn improve(&mut self, jumps: u32, cost: f32, from: Arrival) {
         if cost.is_finite() && (jumps < self.jumps || (jumps == self.jumps && cost < self.cost)) {
             *self = Self { jumps, cost, from };
         }

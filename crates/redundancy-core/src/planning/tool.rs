@@ -388,10 +388,7 @@ impl ToolTask {
             }
             OrientationRows::Axis => tilt,
             OrientationRows::Twist => self.spin_of(pose, target).abs(),
-            OrientationRows::Heading => {
-                let turn = pose.rotation * target.pose.rotation.inverse();
-                turn.matrix()[(1, 0)].atan2(turn.matrix()[(0, 0)]).abs()
-            }
+            OrientationRows::Heading => wrap(heading(pose) - heading(&target.pose)).abs(),
         };
         if let Some(cone) = self.cone {
             orientation = orientation.max(tilt - cone);

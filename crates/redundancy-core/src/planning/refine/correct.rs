@@ -17,7 +17,7 @@ impl Linear<'_> {
             .par_chunks_mut(n * CHUNK)
             .enumerate()
             .map_init(
-                || Corrector::new(demand),
+                || RowCorrector::new(demand),
                 |corrector, (chunk, block)| {
                     let mut sum = 0.0;
                     for (k, q) in block.chunks_exact_mut(n).enumerate() {
@@ -43,7 +43,7 @@ impl Linear<'_> {
         let n = demand.dof();
         let mut q = self.q.clone();
         let good = q.par_chunks_mut(n * CHUNK).enumerate().map_init(
-            || Corrector::new(demand),
+            || RowCorrector::new(demand),
             |corrector, (chunk, block)| {
                 block.chunks_exact_mut(n).enumerate().all(|(k, q)| {
                     let row = chunk * CHUNK + k;
@@ -56,7 +56,7 @@ impl Linear<'_> {
 }
 
 /// Newton's method back onto the task of a row.
-struct Corrector<'a> {
+struct RowCorrector<'a> {
     demand: &'a Demand,
     scratch: Scratch,
     null: NullSpace,
@@ -65,7 +65,7 @@ struct Corrector<'a> {
     step: Vec<f64>,
 }
 
-impl<'a> Corrector<'a> {
+impl<'a> RowCorrector<'a> {
     fn new(demand: &'a Demand) -> Self {
         let (n, m) = (demand.dof(), demand.tool.rows());
         Self {

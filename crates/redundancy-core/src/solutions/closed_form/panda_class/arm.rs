@@ -8,7 +8,7 @@ use super::geometry::PandaGeometry;
 use super::target::{Rows, Target, transpose};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
-use crate::joint_space::{difference, within, wrap_sum};
+use crate::joint_space::{within, wrap_sum};
 use crate::parallel::prelude::*;
 use crate::pose::{Pose, checked_pose, pose_from_row_major};
 use crate::solutions::closed_form::gimbal::shared;
@@ -16,7 +16,7 @@ use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, at};
 use crate::tolerance::{
-    EDGE_ROUNDING, FOLD_DEFECT, GIMBAL_PASSAGE, POLISH_DEFECT, REACH_ROUNDING, ROOM_ROUNDING, SAME_ROW,
+    EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ELBOW, ROOM_ELBOW_MOST, ROOM_ROUNDING,
 };
 
 /// Poses that one task of the pool takes at least.
@@ -99,62 +99,14 @@ impl PandaClassArm {
         let mut rows = [[0.0; 7]; 8];
         let mask = self.solve_into(pose, q7, limits, &mut rows);
         let mut rows: Vec<_> = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect();
+        // Where joint 7 turns back a defect can take two configurations of the ideal arm away.
         let met = polish(self.chain(), self.defect(), pose, Some(6), limits, &mut rows);
-        if self.defect().largest() > POLISH_DEFECT {
-            self.mend_ends(pose, q7, limits, met, &mut rows);
-        }
-        Ok(rows)
-    }
-
-    /// Where two configurations of the ideal arm all but meet, those of the arm itself may be none or two: the former go from
-    /// `rows`, the latter are looked for. Bit k of `met`: row k is on the pose.
-    #[cold]
-    fn mend_ends(&self, pose: &Pose, q7: f64, limits: bool, met: u32, rows: &mut Vec<[f64; 7]>) {
-        let target = Target::new(&self.inner.geometry, pose);
-        let mut more = self.next_to_ends(&target, q7);
-        if more.is_empty() {
-            return;
-        }
         let mut k = 0;
         rows.retain(|_| {
             k += 1;
             met & (1 << (k - 1)) != 0
         });
-        let met = polish(self.chain(), self.defect(), pose, Some(6), false, &mut more);
-        for (_, q) in more.iter().enumerate().filter(|(k, _)| met & (1 << k) != 0) {
-            let q = q.map(wrap_sum);
-            let new = |row: &[f64; 7]| (0..7).any(|i| difference(row[i], q[i]).abs() > SAME_ROW);
-            if rows.iter().all(new) {
-                let held = if limits { self.hold_limits(&q, 1.0) } else { Some(q) };
-                rows.extend(held);
-            }
-        }
-    }
-
-    /// Starts on both sides of the ends that the chord and the elbow are within the defect of: empty away from them.
-    fn next_to_ends(&self, target: &Target, q7: f64) -> Vec<[f64; 7]> {
-        let g = &self.inner.geometry;
-        let (sin, cos) = (q7 + target.zero7).sin_cos();
-        let squared = target.mean_x - target.swing_x * cos;
-        let (least, most) = (target.mean_y - target.swing_y, target.mean_y + target.swing_y);
-        let slack = FOLD_DEFECT * self.defect().largest() * (target.mean_x + target.mean_y).sqrt();
-        let excess = (least - squared).max(squared - most);
-        if excess > slack || most - least < 4.0 * slack {
-            return Vec::new();
-        }
-        let kept = squared.clamp(least + slack, most - slack);
-        let sine = ((kept - least) * (most - kept)).sqrt();
-        let sines = f64x4::new([sine, sine, -sine, -sine]);
-        let y = Turns::along(all(target.mean_y - kept), sines, 0.0, [1.0, 0.0]);
-        let x = Turns { cos: all(cos), sin: all(sin) };
-        let chord = target.chord(g, x, y);
-        let normal = chord.room.fast_max(all(slack)).sqrt() * f64x4::new([1.0, -1.0, 1.0, -1.0]);
-        let (rows, _) = target.rows(g, x, y, &chord, normal);
-        let exists = rows.room.simd_gt(all(-slack)).to_bitmask();
-        let ends = rows.room.simd_lt(all(slack)).to_bitmask() | if kept == squared { 0 } else { 0b1111 };
-        let lanes = exists & ends;
-        let transposed = transpose(&rows);
-        (0..8).filter(|k| lanes & (1 << (k % 4)) != 0).map(|k| transposed[k].map(wrap_sum)).collect()
+        Ok(rows)
     }
 
     /// [`PandaClassArm::solve`] for checked input, without allocation: bit `b` of the result says that row `b` of `out` is a
@@ -188,7 +140,9 @@ impl PandaClassArm {
         let chord = target.chord(g, x, y);
         let normal = chord.room.fast_max(all(0.0)).sqrt() * f64x4::new([1.0, -1.0, 1.0, -1.0]);
         let (rows, _) = target.rows(g, x, y, &chord, normal);
-        let exists = !rows.room.simd_lt(rows.squared * all(-ROOM_ROUNDING)).to_bitmask();
+        // The nearer the elbow to its end, the farther rounding turns it.
+        let slack = ROOM_ROUNDING + (ROOM_ELBOW * target.swing_y / sine).min(ROOM_ELBOW_MOST);
+        let exists = !rows.room.simd_lt(rows.squared * all(-slack)).to_bitmask();
         let twice = rows.room.simd_gt(all(0.0)).to_bitmask();
         // Repeats: the stretched or folded elbow, and the chord in the plane of axes 5 and 6.
         let mut lanes = exists & (0b0101 | twice) & 0b1111;
