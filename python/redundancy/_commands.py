@@ -851,7 +851,7 @@ def plan_job(job: _plan.Job) -> None:
     if job.plan is None:
         return
     table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value in _plan.rows(job.plan):
+    for name, value in _plan.rows(job.chain, job.plan):
         table.add_row(name, escape(value))
     console = _out if _out.is_terminal else Console(width=160, highlight=False)
     console.print(table)

@@ -89,6 +89,13 @@ def test_demo_follows_paths_of_1000_points(capsys, tmp_path):
     for name in ("panda", "ur", "rail"):
         plan = rd.Plan.from_npz(tmp_path / name / "plan.npz")
         assert (plan.status, plan.legal) == ("converged", True)
+        summary = json.loads((tmp_path / name / "summary.json").read_text())
+        # Metres of the rail are not counted as radians.
+        assert ("joint_travel_m" in summary, "least_margin_m" in summary) == (name == "rail", name == "rail")
+        slides = 1 if name == "rail" else 0
+        travel = np.linalg.norm(np.diff(plan.q[:, slides:], axis=0), axis=1).sum()
+        assert summary["joint_travel_rad"] == pytest.approx(travel)
+    assert "travel of sliding joints" in out
     assert out.count("$ redundancy plan") == 3
     # Two rasters, and an elbow that goes round a ball.
     assert out.count("$ redundancy track") == 3

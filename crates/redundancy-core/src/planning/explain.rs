@@ -10,11 +10,13 @@ use super::pull::{Pull, Puller, wind_into};
 use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
+use crate::chain::JointKind;
 use crate::joint_space::{TURN, nearest};
 use crate::parallel::prelude::*;
 use crate::path::{BlockedPoint, Reconfiguration};
 use crate::solutions::{SolutionsSettings, solutions};
 use crate::status::Status;
+use crate::tolerance::JOINT_JUMP;
 use crate::watch::Watch;
 
 /// What is said where no line was found over `nodes`.
@@ -235,12 +237,14 @@ fn assembled(
             .map(|i| (q[row * n + i] - q[(row - 1) * n + i], i))
             .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         let Some((d, i)) = worst else { return String::new() };
-        let bound = demand.step_bound[(row - 1) * n + i];
-        format!(
-            "joint '{}' would have to step {:.4} rad or m, at most {bound:.4} is allowed",
-            demand.chain.joints()[i].name,
-            d.abs()
-        )
+        let (bound, joint) = (demand.step_bound[(row - 1) * n + i], &demand.chain.joints()[i]);
+        let (unit, turns) = if joint.kind == JointKind::Prismatic { ("m", false) } else { ("rad", true) };
+        let why = if turns && bound >= JOINT_JUMP {
+            "a continuous step is at most"
+        } else {
+            "its speed limit allows"
+        };
+        format!("joint '{}' would have to step {:.4} {unit}, {why} {bound:.4} {unit}", joint.name, d.abs())
     };
     let jumps: Vec<Reconfiguration> =
         rows.iter().map(|row| Reconfiguration { row: *row, reason: step(*row) }).collect();
