@@ -115,7 +115,7 @@ def spin_of(text: str) -> Literal["free"] | float:
 def sliding_joints(chain: rd.Chain) -> np.ndarray:
     """Which joints slide: those that turn nothing."""
     turning = np.abs(chain.jacobian(np.zeros(chain.dof))[3:]).max(axis=0)
-    return turning == 0.0
+    return np.asarray(turning == 0.0)
 
 
 def travel_and_margin(chain: rd.Chain, plan: rd.Plan) -> dict[str, float]:

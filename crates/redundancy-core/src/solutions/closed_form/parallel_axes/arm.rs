@@ -598,18 +598,6 @@ impl ParallelAxesArm {
                 "the last axis is along those of '{b}', '{c}' and '{d}', or all but: '{f}' may take more than one value"
             ));
         }
-        {
-            let b = self.base(&target.center, &self.inner.free, 0.0);
-            let w = self.wrist(&target.tool, b.turn, &self.inner.free);
-            std::eprintln!(
-                "DBG {:?} miss {:?} {:?} {:b} {:?}",
-                found.middle,
-                w.miss,
-                found.height,
-                found.mask,
-                self.inner.geometry.wrist
-            );
-        }
         // Where joint 5 turns back it is known to the root of the rounding, which may bring the elbow out of its reach.
         let turns_back = found.middle.iter().any(|sine| sine.abs() <= FOLD_SINE);
         turns_back
