@@ -38,7 +38,7 @@ mod _core {
     use super::*;
 
     #[pymodule_export]
-    use arms::{PyPandaClassArm, PyParallelAxesArm};
+    use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
@@ -54,8 +54,7 @@ mod _core {
     };
     #[pymodule_export]
     use ik::{
-        PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PyIkTrace, PySphericalWristArm,
-        half_angle_minimum, joint_cost, sinusoid_minimum,
+        PyIkBatch, PyIkResult, PyIkSolver, PyIkTrace, half_angle_minimum, joint_cost, sinusoid_minimum,
     };
     #[pymodule_export]
     use links::{PyLinkGeometry, PyPairClearances, PySelfClearance};
