@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 mod arms;
 mod batch;
 mod chain;
+mod check;
 mod closed_form;
 mod continuation;
 mod convert;
@@ -39,6 +40,8 @@ mod _core {
     use arms::{PyPandaClassArm, PyParallelAxesArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use check::{PyCheckReport, PyFinding, py_check};
     #[pymodule_export]
     use closed_form::py_closed_form;
     #[pymodule_export]
