@@ -2511,6 +2511,44 @@ class CheckReport:
     def warnings(self) -> int:
         """Number of findings that are warnings."""
 
+def joint_move(
+    chain: Chain | Any,
+    q_from: ArrayLike,
+    q_to: ArrayLike,
+    *,
+    scene: Scene | None = None,
+    links: LinkGeometry | float | None = None,
+    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
+    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    jerk_limits: ArrayLike | None = None,
+    clearance: float = 0.0,
+) -> Trajectory:
+    """A straight move in joint space from rest to rest, as fast as the limits allow, checked before it is returned.
+
+    Args:
+        chain: The arm, or an arm object.
+        q_from: `(n,)` where the arm is, rad or m.
+        q_to: `(n,)` where it should be.
+        scene: What is in the way.
+        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+        velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None.
+        acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None; each joint needs one.
+        jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+        clearance: Least distance from obstacles, m.
+
+    Raises:
+        CannotFollowError: The move touches something or leaves the joint limits; the message says which link and
+            obstacle, or which joint, and when.
+        RedundancyError: Wrong lengths, invalid limits, a joint without an acceleration limit.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("panda")
+        >>> move = rd.joint_move(arm, [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0])
+        >>> rd.check(arm, move).ok
+        True
+    """
+
 def check(
     chain: Chain | Any,
     trajectory: Trajectory | str | PathLike[str],

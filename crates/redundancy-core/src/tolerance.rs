@@ -634,8 +634,8 @@ pub const CHECK_POSITION: f64 = 1e-3;
 pub const CHECK_ORIENTATION: f64 = 1e-2;
 
 /// Ratio of the least to the largest singular value below which a checked row is near a singularity: a tool speed then
-/// takes thousands of times the joint speed.
-pub const CHECK_SINGULARITY: f64 = 5e-4;
+/// takes a thousand times the joint speed.
+pub const CHECK_SINGULARITY: f64 = 1e-3;
 
 /// Speed (rad/s or m/s) and acceleration at which a row counts as at rest: no brake tells it from rest.
 pub const CHECK_REST: f64 = 1e-3;

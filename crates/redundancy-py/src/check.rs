@@ -7,7 +7,8 @@ use pyo3::types::PyTuple;
 use redundancy_core::Error;
 use redundancy_core::path::{JointRows, Section};
 use redundancy_core::timing::{
-    CheckAgainst, CheckReport, CheckSettings, Finding, FindingKind, Severity, check_rows,
+    CheckAgainst, CheckReport, CheckSettings, Finding, FindingKind, RetimeSettings, Severity, check_rows,
+    joint_move,
 };
 
 use crate::batch::pool;
@@ -339,4 +340,44 @@ impl<'py> FromPyObject<'_, 'py> for CheckOrientation {
     fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         Ok(Self::Angle(object.extract::<f64>()?))
     }
+}
+
+/// A straight move in joint space.
+#[pyfunction]
+#[pyo3(name = "joint_move", signature = (chain, q_from, q_to, *, scene=None, links=None,
+    velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
+    jerk_limits=None, clearance=0.0))]
+pub fn py_joint_move<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyAny>,
+    q_from: &Bound<'py, PyAny>,
+    q_to: &Bound<'py, PyAny>,
+    scene: Option<&Bound<'py, PyScene>>,
+    links: Option<LinkRadius<'py>>,
+    velocity_limits: Option<JointLimits<'py>>,
+    acceleration_limits: Option<JointLimits<'py>>,
+    jerk_limits: Option<Bound<'py, PyAny>>,
+    clearance: f64,
+) -> PyResult<PyTrajectory> {
+    let chain = read_chain(chain)?;
+    let chain = &chain.get().chain;
+    let (joints, n) = (chain.joints(), chain.dof());
+    let [from, to] = [(q_from, "q_from"), (q_to, "q_to")].map(|(q, what)| read_vector(q, what, Some(n)));
+    let (from, to) = (from?, to?);
+    let limits = |given, what, pick: fn(&redundancy_core::chain::Limits) -> f64| {
+        read_limits(given, what, joints.iter().map(|joint| pick(&joint.limits)))
+    };
+    let none = || vec![f64::INFINITY; n];
+    let settings = RetimeSettings {
+        velocity_limits: limits(velocity_limits, "velocity_limits", |l| l.velocity)?.unwrap_or_else(none),
+        acceleration_limits: limits(acceleration_limits, "acceleration_limits", |l| l.acceleration)?
+            .unwrap_or_else(none),
+        jerk_limits: limits(jerk_limits.map(JointLimits::Values), "jerk_limits", |_| f64::INFINITY)?,
+        ..RetimeSettings::of(chain)
+    };
+    let links = links.map(|links| links.geometry(chain)).transpose()?;
+    let scene = scene.map(|scene| &scene.get().scene);
+    let against = CheckAgainst { path: None, scene, links: links.as_ref() };
+    let made = py.detach(|| joint_move(chain, [&from, &to], &settings, against, clearance));
+    made.map(PyTrajectory::from).map_err(to_py)
 }

@@ -41,7 +41,7 @@ mod _core {
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
-    use check::{PyCheckReport, PyFinding, py_check};
+    use check::{PyCheckReport, PyFinding, py_check, py_joint_move};
     #[pymodule_export]
     use closed_form::py_closed_form;
     #[pymodule_export]

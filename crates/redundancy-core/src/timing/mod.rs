@@ -2,12 +2,14 @@
 //! trajectory can be run.
 
 mod check;
+mod joint_move;
 mod retime;
 mod speed;
 
 pub use check::{
     CheckAgainst, CheckReport, CheckSettings, Finding, FindingKind, Severity, check, check_rows,
 };
+pub use joint_move::joint_move;
 pub use retime::{LimitKind, Limiting, RetimeSettings, Retimed, retime};
 pub use speed::{
     MaxSpeed, SpeedLimit, SpeedProfile, SpeedSettings, fastest_profile, max_speed, max_speed_of_poses,

@@ -56,18 +56,17 @@ pub(super) fn singularities(
         return Vec::new();
     }
     let mut scratch = Scratch::new(chain);
-    let mut jacobian = vec![0.0; 6 * n];
     let (m, wide) = (n.min(6), n >= 6);
     let mut space = NullSpace::new(m, n.max(6));
     let mut out = Vec::new();
     for row in from..to {
         let kinematics = chain.kinematics_unchecked(trajectory.q_row(row), &mut scratch);
-        kinematics.write_jacobian(&mut jacobian);
-        if surely_regular(&jacobian, n, settings.singularity) {
+        let jacobian = kinematics.jacobian().as_slice();
+        if surely_regular(jacobian, n, settings.singularity) {
             continue;
         }
         if wide {
-            space.factor(&jacobian);
+            space.factor(jacobian);
         } else {
             // Fewer joints than coordinates: the columns must be independent.
             let turned: Vec<f64> =
