@@ -114,7 +114,15 @@ def singularity(m, k, j):
 
 
 # A Panda that lost a direction, found by minimising the least singular value.
-SINGULAR = [0.1, 0.0, 0.0, -1.6, np.pi / 2, 1.6, 0.4]
+SINGULAR = [
+    0.8551907951024126,
+    1.5149592311218192,
+    -0.19934065196540712,
+    -0.46700242365301836,
+    -2.5612013055584e-13,
+    1.519080030710907,
+    1.792091218862001,
+]
 
 
 def collision(m, k, j):
