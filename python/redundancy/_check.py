@@ -73,7 +73,9 @@ class Job:
             place = f"file={_property(str(self.trajectory_file))}"
             if self.trajectory_file.suffix.lower() == ".csv":
                 place += f",line={f.row + 2}"
-            lines.append(f"::{f.severity} {place},title={_property(f.kind)}::{_data(f'row {f.row}: {f.message}')}")
+            lines.append(
+                f"::{f.severity} {place},title={_property(f.kind)}::{_data(f'row {f.row}: {f.message}')}"
+            )
         return "\n".join(lines)
 
 

@@ -2572,8 +2572,8 @@ def check(
 ) -> CheckReport:
     """A linter for joint trajectories: whether the arm can run what the rows say.
 
-    Judged is what `Trajectory.sample` makes of the rows, between them as well. Neighbouring intervals with the same fault
-    of the same joint are one finding.
+    Judged is what `Trajectory.sample` makes of the rows, between them as well. Neighbouring intervals with the same
+    fault of the same joint are one finding.
 
     Args:
         chain: The arm, or an arm object.

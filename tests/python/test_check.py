@@ -164,13 +164,18 @@ def test_planted_faults_are_found_with_row_and_joint(case, tmp_path):
     options = plant(motion, k, j)
     for form in FORMATS:
         report = rd.check(PANDA, write(motion, form, tmp_path), **options)
-        found = [f for f in report.findings if f.kind == kind and f.joint == (None if j is None else NAMES[j])]
+        found = [
+            f for f in report.findings if f.kind == kind and f.joint == (None if j is None else NAMES[j])
+        ]
         assert [f.row for f in found] == [k], (form, report.findings)
         severity = "warning" if kind in {"winding", "singularity"} else "error"
         assert found[0].severity == severity
         assert report.ok == (not any(f.severity == "error" for f in report.findings))
         # The faults of the others are not blamed on joints that have none.
-        assert {f.joint for f in report.findings} <= {None, *(NAMES if kind == "singularity" else [found[0].joint])}
+        assert {f.joint for f in report.findings} <= {
+            None,
+            *(NAMES if kind == "singularity" else [found[0].joint]),
+        }
     assert len(FAULTS) >= 40
 
 
@@ -282,13 +287,16 @@ def test_bad_settings_are_named():
             rd.check(PANDA, move, **options)
     with pytest.raises(ValueError, match="ends in"):
         rd.check(PANDA, "move.txt")
-    with pytest.raises(ValueError, match="missing: panda_joint1.*not in the chain: other"):
+    with pytest.raises(ValueError, match=r"missing: panda_joint1.*not in the chain: other"):
         rd.check(PANDA, rd.Trajectory(["other"], [0.0], [[0.0]]))
 
 
 def run(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "redundancy", "check", *map(str, arguments)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "redundancy", "check", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -299,7 +307,9 @@ def test_command_line_formats_and_exit_status(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == f"{clean}: 400 rows, nothing found\n"
     winding(motion, 100, 0)
-    warned = run(write(motion, "csv", tmp_path), "--robot", "panda", "--velocity-limits", "off", "--format", "json")
+    warned = run(
+        write(motion, "csv", tmp_path), "--robot", "panda", "--velocity-limits", "off", "--format", "json"
+    )
     report = json.loads(warned.stdout)
     assert report["warnings"] == 1
     assert [f["row"] for f in report["findings"] if f["kind"] == "winding"] == [100]
@@ -307,7 +317,9 @@ def test_command_line_formats_and_exit_status(tmp_path):
     velocity(bad, 33, 4)
     failed = run(write(bad, "csv", tmp_path), "--robot", "panda", "--format", "github")
     assert failed.returncode == 1
-    assert re.search(r"^::error file=.*move\.csv,line=35,title=velocity::row 33: joint 'panda_joint5'", failed.stdout)
+    assert re.search(
+        r"^::error file=.*move\.csv,line=35,title=velocity::row 33: joint 'panda_joint5'", failed.stdout
+    )
     failed = run(write(bad, "json", tmp_path), "--robot", "panda")
     assert failed.returncode == 1
     assert "error: velocity: row 33: joint 'panda_joint5'" in failed.stdout
@@ -346,7 +358,7 @@ def test_a_joint_move_is_straight_timed_and_clear():
 def test_a_joint_move_says_what_it_touches():
     middle = PANDA.forward(np.mean([A, B], axis=0))[:3, 3]
     ball = rd.Scene([rd.Sphere((0, 0, 3), 0.1), rd.Sphere(middle, 0.05)])
-    with pytest.raises(rd.CannotFollowError, match="link 'panda_.*obstacle 1 \\(sphere\\)"):
+    with pytest.raises(rd.CannotFollowError, match=r"link 'panda_.*obstacle 1 \(sphere\)"):
         rd.joint_move(PANDA, A, B, scene=ball)
     with pytest.raises(rd.CannotFollowError, match="joint 'panda_joint4' is at"):
         rd.joint_move(PANDA, A, [0, 0.3, 0, 1, 0.2, 1, 0])

@@ -12,8 +12,7 @@ use redundancy_core::timing::{
 };
 
 use crate::batch::pool;
-use crate::chain::STANDARD_GRAVITY;
-use crate::convert::{Threads, read_rows, read_vector};
+use crate::convert::{Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector};
 use crate::error::to_py;
 use crate::path::{PyPath, PyTrajectory};
 use crate::plan::read_chain;
@@ -285,7 +284,7 @@ pub fn py_check<'py>(
     orientation_tolerance: Option<CheckOrientation>,
     singularity: Option<f64>,
     clearance: f64,
-    gravity: [f64; 3],
+    gravity: Gravity,
     threads: Option<Threads>,
 ) -> PyResult<PyCheckReport> {
     let chain = read_chain(chain)?;
