@@ -373,10 +373,15 @@ fn carried_obstacles_and_allowed_pairs() {
     // The rod begins so near to joint 7 that it overlaps the link before it.
     let allowed = scene.with_allowed(vec![pair("rod", "ball"), pair("rod", "link_6")]).unwrap();
     let near = nearest(&allowed, &mut memory, &mut scratch);
-    assert!(
-        near.gap.distance > 0.1
-            && !matches!((near.first, near.second), (Thing::Obstacle(0), Thing::Obstacle(1)))
-    );
+    let all = Surroundings::new(&arm, &links, Some(&scene), false).unwrap();
+    let rod = Thing::Obstacle(0);
+    let sixth = links.names().iter().position(|name| name == "link_6").map(Thing::Link);
+    let may = |a: Thing, b: Thing| a == rod && (b == Thing::Obstacle(1) || Some(b) == sixth);
+    let rows = pairs_of(&all, &arm, &q, 0.0, f64::INFINITY, &mut memory);
+    let others = rows.iter().filter(|row| !may(row.0, row.1) && !may(row.1, row.0));
+    let least = others.map(|row| row.2).fold(f64::INFINITY, f64::min);
+    assert!((near.gap.distance - least).abs() < 1e-12 && least > -0.02, "{near:?} {least}");
+    assert!(!may(near.first, near.second) && !may(near.second, near.first), "{near:?}");
     assert!(scene.with_allowed(vec![pair("rod", "bal")]).is_ok()); // a link may have that name
     let wrong = scene.with_allowed(vec![pair("rod", "bal")]).unwrap();
     let error = Surroundings::new(&arm, &links, Some(&wrong), false).unwrap_err().to_string();

@@ -215,6 +215,7 @@ fn a_ball_in_the_way() {
         let mut scheme = scheme.unwrap().with_contacts(around.clone(), settings).unwrap();
         let (mut q, mut qd, dt) = (start.to_vec(), vec![0.0; 7], 0.01);
         let (mut least, mut named, mut bend) = (f64::INFINITY, false, 0.0f64);
+        let mut way = 0.0f64;
         for step in 0..300 {
             let t = dt * f64::from(step);
             scheme.set_time(t);
@@ -224,7 +225,10 @@ fn a_ball_in_the_way() {
             let input = StepInput { q: &q, velocity: &wanted, dt: Some(dt), qd: Some(&before) };
             scheme.step(&input, &mut qd).unwrap();
             named |= scheme.limiting_pairs().iter().any(|pair| around.name(pair.second) == "ball");
+            let tool = |q: &[f64]| arm.forward(q).unwrap().translation.vector;
+            let from = tool(&q);
             q.iter_mut().zip(&qd).for_each(|(q, qd)| *q += dt * qd);
+            way = way.max((tool(&q) - from).norm() + dt * speed);
             let after = all_pairs(&around, &q, t + dt);
             for (row, after) in rows.iter().zip(&after).filter(|(row, _)| row.1 < 0.03) {
                 bend = bend.max(row.1 + dt * (dot(&row.2, &qd) + row.3) - after.1);
@@ -234,7 +238,8 @@ fn a_ball_in_the_way() {
         // The distance bends by a second-order term in each step, of which the barrier takes `alpha dt` back in the next.
         let short = bend / (settings.barrier_rate * dt);
         assert!(least > 0.02 - short - 1e-9, "{speed} {velocity}: {least} {bend}");
-        assert!(bend < 3e-5, "{speed} {velocity}: {bend}");
+        // Half the square of the way over the radius of ball and link together, and as much again for links that turn.
+        assert!(bend < way * way / 0.15, "{speed} {velocity}: {bend} {way}");
         assert!(named && least < 0.03, "{speed} {velocity}: {least} {named}");
     }
 }

@@ -5,6 +5,7 @@
 
 mod allocations;
 mod architecture;
+mod beside_a_pin;
 mod bodies;
 mod bodies_hostile;
 mod chain;

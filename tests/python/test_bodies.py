@@ -182,8 +182,8 @@ def test_obstacles_against_coal(name: str) -> None:
     faces = [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]]
     assert rd.Mesh(tetrahedron, faces).pieces == 1
     bvh = coal.BVHModelOBBRSS()
-    bvh.beginModel(4, 4)
-    bvh.addSubModel([np.array(v) for v in tetrahedron], [coal.Triangle(*f) for f in faces])
+    bvh.beginModel(1, 4)
+    bvh.addVertices(tetrahedron)
     bvh.endModel()
     bvh.buildConvexHull(True, "Qt")
     for _ in range(200 if FULL else 25):
@@ -421,7 +421,7 @@ def test_a_step_keeps_its_distance() -> None:
         least = min(least, rd.Scene([there]).clearance(chain, q, links).distance)
     assert 0.0197 < least < 0.03
     assert any("ball" in pair for pair in pairs), pairs
-    with pytest.raises(rd.RedundancyError, match="safe_distance = -1"):
+    with pytest.raises(rd.RedundancyError, match="safe_distance is -1"):
         rd.SaturatedNullspace(chain, scene=scene, safe_distance=-1.0)
     with pytest.raises(rd.RedundancyError, match="barrier_rate = 0"):
         rd.SaturatedNullspace(chain, scene=scene, barrier_rate=0.0)

@@ -181,7 +181,7 @@ def test_a_spray_gun_touches_its_workpiece() -> None:
     pose[:3, 3] = (0.45, 0, 0.26)
     table = rd.Box(pose, (0.2, 0.2, 0.05), name="workpiece")  # its top is 10 mm above the strokes
     last = chain.link_names[-1]
-    gun = rd.Capsule((0, 0, -0.05), (0, 0, 0), 0.02, name="gun", attached_to=last)
+    gun = rd.Capsule((0, 0, -0.02), (0, 0, 0), 0.02, name="gun", attached_to=last)
     links = rd.LinkGeometry(chain, 0.03)
     blocked = rd.plan_swivel(arm, path, rd.Scene([table, gun]), links=links)
     assert (blocked.status, blocked.legal) == ("collision", False)
@@ -230,7 +230,7 @@ def test_bodies_on_the_command_line(
     for words, message in (
         (("--collision", "boxes"), "--collision is 'boxes', it must be urdf, capsules or none"),
         (("--srdf", "x.srdf"), "--srdf and --package-dir need --collision urdf"),
-        (("--collision", "urdf", "--srdf", tmp_path / "no.srdf"), "no.srdf: cannot be read"),
+        (("--collision", "urdf", "--srdf", tmp_path / "no.srdf"), "no.srdf: No such file"),
         (("--collision", "urdf", "--robot", "pa10"), "--collision urdf needs a URDF file, 'pa10' is none"),
     ):
         status, _, err = run(*words)

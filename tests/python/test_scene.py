@@ -257,7 +257,7 @@ def test_collision_geometry_that_cannot_be_read() -> None:
         )
         with pytest.raises(rd.RedundancyError, match=re.escape(message)):
             rd.LinkGeometry.from_urdf_string(chain, text)
-    with pytest.raises(rd.RedundancyError, match="no link of 'pa10' is in the URDF"):
+    with pytest.raises(rd.RedundancyError, match="no moving link of 'pa10' is in the URDF"):
         rd.LinkGeometry.from_urdf_string(rd.catalog.load("pa10"), xml)
     with pytest.raises(rd.RedundancyError, match="LinkGeometry of 'pa10', not of this 'bodies'"):
         rd.Scene([]).clearance(chain, np.zeros(3), rd.LinkGeometry(rd.catalog.load("pa10")))

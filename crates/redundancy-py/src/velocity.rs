@@ -312,7 +312,7 @@ impl PySaturatedNullspace {
     #[new]
     #[pyo3(signature = (chain, criterion=None, gain=1.0, task=None, damping=None, *, scene=None, links=None,
         safe_distance=0.02, barrier_rate=5.0, self_collision=None),
-        text_signature = "(chain, criterion=None, gain=1.0, task='pose', damping=None, *, scene=None, links=None, \
+        text_signature = "(chain, criterion=None, gain=1.0, task=None, damping=None, *, scene=None, links=None, \
             safe_distance=0.02, barrier_rate=5.0, self_collision='auto')")]
     fn new(
         chain: &Bound<'_, PyChain>,

@@ -168,9 +168,15 @@ impl Chain {
                 open.push_back(i);
             }
         }
-        if open.is_empty() {
+        // Many robots have a link "base": alone it does not make the document that of this chain.
+        let known = |i: &usize| carried[*i].is_some_and(|(link, _)| self.links()[link].joints_before > 0);
+        if !open.iter().any(known) {
             let names: Vec<&str> = self.links().iter().map(|link| link.name.as_str()).collect();
-            return Err(bad(format!("no link of '{}' is in the URDF: {}", self.name(), names.join(", "))));
+            return Err(bad(format!(
+                "no moving link of '{}' is in the URDF: {}",
+                self.name(),
+                names.join(", ")
+            )));
         }
         let own: HashSet<&str> = self.joints().iter().map(|joint| joint.name.as_str()).collect();
         while let Some(link) = open.pop_front() {

@@ -25,7 +25,7 @@ use nalgebra::Vector3;
 
 pub use locate::locate;
 
-use self::text::check_count;
+use self::text::{check_count, welded};
 use crate::error::{Error, Result};
 use crate::tolerance::{MESH_BYTES, MESH_FACES, MESH_VERTICES, SCENE_SIZE};
 
@@ -67,41 +67,14 @@ impl TriangleMesh {
                 return Err(Error::OutOfRange { what: format!("vertex {i}"), value: *value, bound });
             }
         }
-        let mut mesh = Self::welded(&vertices, &faces)?;
+        let (vertices, faces) = welded(&vertices, &faces)?;
+        let mut mesh = Inner { vertices, faces };
         // A face whose corners fell together has no area of its own; its edges belong to others.
         let degenerate = |f: &[u32; 3]| f[0] == f[1] || f[1] == f[2] || f[2] == f[0];
         if mesh.faces.iter().any(|f| !degenerate(f)) {
             mesh.faces.retain(|f| !degenerate(f));
         }
         Ok(Self { inner: Arc::new(mesh) })
-    }
-
-    /// Vertices that faces use, those at the same place once.
-    fn welded(vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> Result<Inner> {
-        let mut known: HashMap<[u64; 3], u32> = HashMap::new();
-        let mut place = vec![u32::MAX; vertices.len()];
-        let mut out = Inner { vertices: Vec::new(), faces: Vec::with_capacity(faces.len()) };
-        for (f, face) in faces.iter().enumerate() {
-            let mut new = [0; 3];
-            for (new, old) in new.iter_mut().zip(face) {
-                let Some(slot) = place.get_mut(*old as usize) else {
-                    let bound = format!("< {}, the number of vertices", vertices.len());
-                    let what = format!("face {f}: vertex index");
-                    return Err(Error::OutOfRange { what, value: f64::from(*old), bound });
-                };
-                if *slot == u32::MAX {
-                    // -0 and 0 are the same place.
-                    let vertex = vertices[*old as usize].map(|x| x + 0.0);
-                    *slot = *known.entry(vertex.map(f64::to_bits)).or_insert_with(|| {
-                        out.vertices.push(vertex);
-                        out.vertices.len() as u32 - 1
-                    });
-                }
-                *new = *slot;
-            }
-            out.faces.push(new);
-        }
-        Ok(out)
     }
 
     /// From a file; the format by its extension: `.stl`, `.obj`, `.dae`.

@@ -1,6 +1,6 @@
 //! Wavefront OBJ: vertices and polygons.
 
-use super::text::{Raw, at_line, number, push_fan, shown};
+use super::text::{Raw, at_line, check_count, number, push_fan, shown};
 use crate::error::{Error, Result};
 use crate::tolerance::MESH_VERTICES;
 
@@ -48,7 +48,7 @@ fn element(
                 *x = number(word).map_err(|error| at_line(at, error))?;
             }
             vertices.push(vertex);
-            super::check_count("vertices", vertices.len(), MESH_VERTICES)
+            check_count("vertices", vertices.len(), MESH_VERTICES)
         }
         Some("f") => {
             corners.clear();

@@ -1,6 +1,6 @@
 //! STL: triangles with their corners written out.
 
-use super::text::{Raw, at_line, number};
+use super::text::{Raw, at_line, check_count, number, welded};
 use crate::error::{Error, Result};
 use crate::tolerance::{MESH_FACES, MESH_VERTICES};
 
@@ -33,8 +33,8 @@ pub fn read(bytes: &[u8]) -> Result<Raw> {
 fn binary(bytes: &[u8]) -> Result<Raw> {
     let (mut vertices, mut faces) = (Vec::new(), Vec::new());
     let triangles = bytes[HEADER..].chunks_exact(TRIANGLE);
-    super::check_count("faces", triangles.len(), MESH_FACES)?;
-    super::check_count("vertices", 3 * triangles.len(), 3 * MESH_FACES)?;
+    check_count("faces", triangles.len(), MESH_FACES)?;
+    check_count("vertices", 3 * triangles.len(), 3 * MESH_FACES)?;
     vertices.reserve(3 * triangles.len());
     faces.reserve(triangles.len());
     for triangle in triangles {
@@ -49,16 +49,15 @@ fn binary(bytes: &[u8]) -> Result<Raw> {
         let n = vertices.len() as u32;
         faces.push([n - 3, n - 2, n - 1]);
     }
-    welded(vertices, faces)
+    within_bounds(vertices, faces)
 }
 
 /// Three corners for each triangle are more vertices than a mesh may have; those that are the same become one.
-fn welded(vertices: Vec<[f64; 3]>, faces: Vec<[u32; 3]>) -> Result<Raw> {
+fn within_bounds(vertices: Vec<[f64; 3]>, faces: Vec<[u32; 3]>) -> Result<Raw> {
     if vertices.len() <= MESH_VERTICES {
         return Ok((vertices, faces));
     }
-    let inner = super::TriangleMesh::welded(&vertices, &faces)?;
-    Ok((inner.vertices, inner.faces))
+    welded(&vertices, &faces)
 }
 
 fn text_reader(text: &str) -> Result<Raw> {
@@ -82,11 +81,11 @@ fn text_reader(text: &str) -> Result<Raw> {
             corners = 0;
             let n = vertices.len() as u32;
             faces.push([n - 3, n - 2, n - 1]);
-            super::check_count("faces", faces.len(), MESH_FACES)?;
+            check_count("faces", faces.len(), MESH_FACES)?;
         }
     }
     if corners != 0 {
         return Err(Error::Invalid(format!("ends within a triangle, after {corners} of its vertices")));
     }
-    welded(vertices, faces)
+    within_bounds(vertices, faces)
 }

@@ -1,5 +1,7 @@
 //! What the readers share: counts, numbers, messages.
 
+use std::collections::HashMap;
+
 use crate::error::{Error, Result};
 use crate::tolerance::MESH_FACES;
 
@@ -20,6 +22,34 @@ pub(super) fn push_fan(faces: &mut Vec<[u32; 3]>, corners: &[u32]) -> Result<()>
         faces.push([corners[0], pair[0], pair[1]]);
     }
     check_count("faces", faces.len(), MESH_FACES)
+}
+
+/// Vertices that faces use, those at the same place once.
+pub(super) fn welded(vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> Result<Raw> {
+    let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+    let mut place = vec![u32::MAX; vertices.len()];
+    let mut out: Raw = (Vec::new(), Vec::with_capacity(faces.len()));
+    for (f, face) in faces.iter().enumerate() {
+        let mut new = [0; 3];
+        for (new, old) in new.iter_mut().zip(face) {
+            let Some(slot) = place.get_mut(*old as usize) else {
+                let bound = format!("< {}, the number of vertices", vertices.len());
+                let what = format!("face {f}: vertex index");
+                return Err(Error::OutOfRange { what, value: f64::from(*old), bound });
+            };
+            if *slot == u32::MAX {
+                // -0 and 0 are the same place.
+                let vertex = vertices[*old as usize].map(|x| x + 0.0);
+                *slot = *known.entry(vertex.map(f64::to_bits)).or_insert_with(|| {
+                    out.0.push(vertex);
+                    out.0.len() as u32 - 1
+                });
+            }
+            *new = *slot;
+        }
+        out.1.push(new);
+    }
+    Ok(out)
 }
 
 /// The error with the number of the line, from 1.

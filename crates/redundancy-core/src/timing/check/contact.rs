@@ -6,7 +6,7 @@ use super::spots::{Owner, Spot};
 use crate::chain::Chain;
 use crate::error::Result;
 use crate::path::Trajectory;
-use crate::scene::{LinkGeometry, Scene};
+use crate::scene::{LinkGeometry, NearestPair, Scene, Surroundings};
 use crate::tolerance::{CHECK_CONTACT_STEP, CHECK_LINK_RADIUS};
 
 /// Most places of one interval.
@@ -38,17 +38,22 @@ pub(super) fn collisions(
     let mut out = Vec::new();
     let mut look = |scene: &Scene, range: std::ops::Range<usize>| -> Result<()> {
         let block = &q[range.start * chain.dof()..range.end * chain.dof()];
-        let nearest = scene.clearance_batch(chain, block, links)?;
-        for (near, (cell, t)) in nearest.into_iter().zip(&places[range]) {
+        let around = Surroundings::new(chain, links, Some(scene), false)?;
+        let nearest = Scene::clearance_batch(chain, block, &around)?;
+        let by_distance = |a: &NearestPair, b: &NearestPair| a.distance.total_cmp(&b.distance);
+        for (by_link, (cell, t)) in nearest.into_iter().zip(&places[range]) {
+            let near = by_link.into_iter().flatten().min_by(by_distance);
             let Some(near) = near.filter(|near| near.distance < settings.clearance) else { continue };
+            let name = around.link_names().get(near.link).map_or("", String::as_str);
             let end = trajectory.t()[(*cell + 1).min(trajectory.rows() - 1)];
             let row = if t - trajectory.t()[*cell] > end - t { cell + 1 } else { *cell };
             let (value, bound) = (near.distance, settings.clearance);
-            let (kind, link) = (FindingKind::Collision, Some(near.link));
+            // Shapes of links outside of the chain (fingers) are named in the message alone.
+            let link = chain.links().iter().position(|link| link.name == name);
+            let kind = FindingKind::Collision;
             let owner = Owner { kind, joint: None, link, part: near.obstacle };
             let message = format!(
-                "link '{}' is {value:.6} m from obstacle {} ({}), at least {bound:.6} m is wanted, at {t:.6} s",
-                chain.links()[near.link].name,
+                "link '{name}' is {value:.6} m from obstacle {} ({}), at least {bound:.6} m is wanted, at {t:.6} s",
                 near.obstacle,
                 scene.obstacles()[near.obstacle].shape.as_str()
             );

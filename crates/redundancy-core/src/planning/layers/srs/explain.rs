@@ -259,10 +259,11 @@ impl SwivelProblem<'_> {
     fn contact(&self, k: usize, q: &[f64; 7]) -> Option<String> {
         let o = self.obstacles.as_ref()?;
         let near = o.arm.nearest(q, o.times[k])[0]?;
-        let (link, other) = (o.arm.moved.name(near.first), o.arm.moved.name(near.second));
-        let kind = if matches!(near.second, Thing::Link(_)) { "link" } else { "obstacle" };
+        let word = |thing: Thing| if matches!(thing, Thing::Link(_)) { "link" } else { "obstacle" };
+        let (first, second) = (o.arm.moved.name(near.first), o.arm.moved.name(near.second));
         let depth = -1e3 * near.gap.distance;
-        Some(format!("at best link '{link}' is {depth:.3} mm deep in {kind} {other}"))
+        let (this, that) = (word(near.first), word(near.second));
+        Some(format!("at best {this} '{first}' is {depth:.3} mm deep in {that} {second}"))
     }
 
     /// The outcome when obstacles cover every configuration within the limits of some points.
