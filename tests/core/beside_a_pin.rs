@@ -75,7 +75,13 @@ fn held(arm: &SrsArm, scene: &Scene) -> [f64; 7] {
     for _ in 0..300 {
         let at = chain.forward(&q).unwrap();
         let linear = pose.translation.vector - at.translation.vector;
-        let angular = (pose.rotation * at.rotation.inverse()).scaled_axis();
+        let turn = (pose.rotation * at.rotation.inverse()).into_inner();
+        let angular = 0.5
+            * Vector3::new(
+                turn[(2, 1)] - turn[(1, 2)],
+                turn[(0, 2)] - turn[(2, 0)],
+                turn[(1, 0)] - turn[(0, 1)],
+            );
         let v: Vec<f64> = linear.iter().chain(angular.iter()).map(|e| 10.0 * e).collect();
         let before = qd;
         scheme.step(&StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: Some(&before) }, &mut qd).unwrap();

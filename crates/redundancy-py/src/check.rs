@@ -14,9 +14,10 @@ use redundancy_core::timing::{
 use crate::batch::pool;
 use crate::convert::{Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector};
 use crate::error::to_py;
+use crate::links::LinkRadius;
 use crate::path::{PyPath, PyTrajectory};
 use crate::plan::read_chain;
-use crate::scene::{LinkRadius, PyScene};
+use crate::scene::PyScene;
 use crate::speed::{JointLimits, read_limits};
 
 /// One thing that is wrong with a trajectory.
