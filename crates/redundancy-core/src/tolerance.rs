@@ -624,16 +624,6 @@ pub const PAIRS_NEVER: f64 = 0.02;
 /// what rounding leaves, far below what any link does.
 pub const HELD_SLOPE: f64 = 1e-7;
 
-/// Slope (m per unit of motion) below which a pair counts as farther than it is in the direction of a step: links move by
-/// tenths of a metre, points beside the wrist by less than this.
-pub const FREE_SLOPE: f64 = 0.02;
-
-/// How much farther (m) a pair counts whose slope is half of [`FREE_SLOPE`]: as much as would make another pair the nearest.
-pub const HELD_SHIFT: f64 = 0.01;
-
-/// Added to `J J^T` before it is factored: at singular poses a direction that is lost counts as free.
-pub const HELD_RIDGE: f64 = 1e-12;
-
 /// Change of a distance per rad or m of a joint below which the joint does not move the pair.
 pub const CONTACT_SLOPE: f64 = 1e-9;
 

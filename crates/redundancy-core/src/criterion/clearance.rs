@@ -12,16 +12,11 @@
 //! A scheme that keeps a task takes the criterion [for that task](Criterion::for_task): pairs that the freedom cannot
 //! move are left out, so that they neither hide the others nor shift them.
 //!
-//! A step goes further: at one configuration the nearest point of a pair may lie where the freedom does not move it, such as the
-//! end of a forearm at the wrist, though the pair moves elsewhere. Its [direction](Criterion::direction_at) is that of the soft
-//! minimum of `d_i + s_i`, with `s_i = b (a / c_i - 1)^2` for pairs whose distance changes by less than a along the freedom
-//! (`c_i = |N^T grad d_i|`, N an orthonormal basis of the task's null space), else 0. The s_i count as constants.
-//!
 //! The Hessian is the central difference of this gradient, symmetrised: good to about 1e-7 away from kinks.
 
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, SMatrix, SVector, U6};
+use nalgebra::DMatrix;
 
 use super::{Criterion, Sense};
 use crate::chain::Chain;
@@ -30,9 +25,7 @@ use crate::kinematics::{Kinematics, Scratch, Task};
 use crate::scene::{
     Contact, LinkGeometry, Proximity, Scene, Surroundings, Thing, Visitor, split_by_freedom, with_memory,
 };
-use crate::tolerance::{
-    CLEARANCE_DIFFERENCE, FREE_SLOPE, HELD_RIDGE, HELD_SHIFT, HELD_SLOPE, SOFT_MINIMUM_REST,
-};
+use crate::tolerance::{CLEARANCE_DIFFERENCE, SOFT_MINIMUM_REST};
 
 /// Default of the width over which the nearest pair changes, m.
 pub const CLEARANCE_SMOOTHING: f64 = 0.002;
@@ -132,78 +125,6 @@ impl Visitor for Sum<'_, '_> {
     }
 }
 
-/// Joints up to which a step weighs pairs by what its freedom does for them: more than any arm has.
-const MOST_JOINTS: usize = 16;
-
-/// How much the freedom of a task changes a distance: the null space of its Jacobian J, without forming it.
-struct Freedom {
-    /// J, column by column; rows that the task does not have are zero.
-    columns: [[f64; 6]; MOST_JOINTS],
-    /// Of `J J^T`, with ones for rows that the task does not have.
-    factor: Cholesky<f64, U6>,
-}
-
-impl Freedom {
-    fn new(task: &Task, kinematics: &Kinematics<'_>) -> Option<Self> {
-        let (m, n) = (task.dim(), kinematics.origins().len());
-        if m >= n || n > MOST_JOINTS {
-            return None;
-        }
-        let mut jacobian = [0.0; 6 * MOST_JOINTS];
-        task.write_jacobian(kinematics, &mut jacobian[..m * n]);
-        let mut columns = [[0.0; 6]; MOST_JOINTS];
-        let mut product = SMatrix::<f64, 6, 6>::identity() * HELD_RIDGE;
-        for (column, values) in columns.iter_mut().zip(jacobian[..m * n].chunks_exact(m)) {
-            column[..m].copy_from_slice(values);
-            let column = SVector::<f64, 6>::from(*column);
-            product += column * column.transpose();
-        }
-        (m..6).for_each(|i| product[(i, i)] = 1.0);
-        Some(Self { columns, factor: Cholesky::new(product)? })
-    }
-
-    /// `|N^T g|`.
-    fn change(&self, gradient: &[f64]) -> f64 {
-        let mut along = SVector::<f64, 6>::zeros();
-        for (column, g) in self.columns.iter().zip(gradient) {
-            along += SVector::<f64, 6>::from(*column) * *g;
-        }
-        let whole: f64 = gradient.iter().map(|g| g * g).sum();
-        (whole - along.dot(&self.factor.solve(&along))).max(0.0).sqrt()
-    }
-}
-
-/// Adds up the pairs of a scan, each as far as the freedom of a task changes it.
-struct FreeSum<'a, 'k> {
-    minimum: SoftMinimum,
-    kinematics: &'a Kinematics<'k>,
-    freedom: &'a Freedom,
-    one: [f64; MOST_JOINTS],
-    out: &'a mut [f64],
-}
-
-impl Visitor for FreeSum<'_, '_> {
-    fn limit(&self, _: Thing, _: Thing) -> f64 {
-        self.minimum.least + self.minimum.beyond()
-    }
-
-    fn found(&mut self, contact: &Contact<'_>) -> bool {
-        let one = &mut self.one[..self.out.len()];
-        one.fill(0.0);
-        contact.add_gradient(self.kinematics, 1.0, one);
-        let change = self.freedom.change(one);
-        if change <= HELD_SLOPE {
-            return true;
-        }
-        let shift = HELD_SHIFT * (FREE_SLOPE / change - 1.0).max(0.0).powi(2);
-        let (shrink, weight) = self.minimum.add(contact.gap.distance + shift);
-        for (out, g) in self.out.iter_mut().zip(&*one) {
-            *out = shrink * *out + weight * g;
-        }
-        true
-    }
-}
-
 /// `-tau log sum exp(-d / tau)` term by term.
 struct SoftMinimum {
     tau: f64,
@@ -270,21 +191,6 @@ impl Criterion for Clearance {
         out.fill(0.0);
         let minimum = SoftMinimum::new(self.smoothing);
         let mut sum = Sum { minimum, gradient: Some((kinematics, &mut *out)) };
-        with_memory(|memory| self.around.scan(kinematics, 0.0, memory, &mut sum));
-        let total = sum.minimum.sum;
-        if total > 0.0 {
-            out.iter_mut().for_each(|g| *g /= total);
-        }
-    }
-
-    fn direction_at(&self, task: &Task, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
-        let Some(freedom) = Freedom::new(task, kinematics) else {
-            return self.gradient_at(q, kinematics, out);
-        };
-        out.fill(0.0);
-        let minimum = SoftMinimum::new(self.smoothing);
-        let one = [0.0; MOST_JOINTS];
-        let mut sum = FreeSum { minimum, kinematics, freedom: &freedom, one, out };
         with_memory(|memory| self.around.scan(kinematics, 0.0, memory, &mut sum));
         let total = sum.minimum.sum;
         if total > 0.0 {

@@ -101,13 +101,6 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
         self.gradient(q, out);
     }
 
-    /// Writes the direction in which a step that keeps `task` improves h: dh/dq where nothing else is said. What the freedom
-    /// of the task cannot change at `q` has no say in it. `kinematics` as for [`Criterion::gradient_at`].
-    fn direction_at(&self, task: &Task, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
-        let _ = task;
-        self.gradient_at(q, kinematics, out);
-    }
-
     /// Writes d2h/dq2 to `out` (n, n).
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>);
 

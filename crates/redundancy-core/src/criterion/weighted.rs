@@ -101,10 +101,6 @@ impl Criterion for Weighted {
         self.add_up(out, |h, one| h.gradient_at(q, kinematics, one));
     }
 
-    fn direction_at(&self, task: &Task, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
-        self.add_up(out, |h, one| h.direction_at(task, q, kinematics, one));
-    }
-
     fn for_task(&self, task: &Task) -> Option<Arc<dyn Criterion>> {
         let new: Vec<_> = self.terms.iter().map(|(_, h)| h.for_task(task)).collect();
         if new.iter().all(Option::is_none) {

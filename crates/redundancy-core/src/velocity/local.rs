@@ -71,7 +71,7 @@ impl Local {
         self.task.write_jacobian(&kinematics, &mut self.jacobian);
         if let Some(h) = &self.criterion {
             if self.shared {
-                h.direction_at(&self.task, input.q, &kinematics, &mut self.ascent);
+                h.gradient_at(input.q, &kinematics, &mut self.ascent);
             } else {
                 h.gradient(input.q, &mut self.ascent);
             }
