@@ -181,13 +181,13 @@ fn along(points: &[Vector3<f64>], axis: &Vector3<f64>) -> Rod {
     let [start, end] = [start, end].map(|x| center + axis * x);
     let rod = Rod { start, end, radius };
     // The half balls at the ends may have come too near to each other.
-    let furthest = points.iter().map(|p| rod.from_axis(p)).fold(radius, f64::max);
+    let furthest = points.iter().map(|p| rod.distance_from_axis(p)).fold(radius, f64::max);
     Rod { radius: furthest * ROUNDING, ..rod }
 }
 
 impl Rod {
     /// Distance of a point from the axis.
-    fn from_axis(&self, p: &Vector3<f64>) -> f64 {
+    fn distance_from_axis(&self, p: &Vector3<f64>) -> f64 {
         let d = self.end - self.start;
         let square = d.norm_squared();
         let share = if square > 0.0 { ((p - self.start).dot(&d) / square).clamp(0.0, 1.0) } else { 0.0 };

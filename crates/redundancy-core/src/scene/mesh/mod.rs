@@ -62,7 +62,7 @@ impl TriangleMesh {
             return Err(Error::Invalid("the mesh has no faces".into()));
         }
         for (i, vertex) in vertices.iter().enumerate() {
-            if let Some(value) = vertex.iter().find(|x| !(x.abs() <= SCENE_SIZE)) {
+            if let Some(value) = vertex.iter().find(|x| x.is_nan() || x.abs() > SCENE_SIZE) {
                 let bound = format!("finite and within +-{SCENE_SIZE:e} m");
                 return Err(Error::OutOfRange { what: format!("vertex {i}"), value: *value, bound });
             }
