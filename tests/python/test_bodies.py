@@ -429,15 +429,17 @@ def test_a_step_keeps_its_distance() -> None:
         rd.SaturatedNullspace(chain, scene=scene, barrier_rate=0.0)
     # The same way in closed loop: contact is an event and the status, a hard distance prevents it.
     poses = np.repeat(chain.forward(q0)[None], 51, axis=0)
-    poses[:, 0, 3] += np.linspace(0, 0.25, 51)
+    poses[:, 0, 3] += np.linspace(0, 0.15, 51)
     path = rd.Path(poses).with_times(np.linspace(0, 2, 51))
     still = rd.Scene([rd.Sphere(tool + np.array([0.25, 0, 0]), 0.1, name="ball")])
-    blind = rd.track(rd.SaturatedNullspace(chain), path, q0, dt=0.01, feedback=20.0, scene=still, links=links)
+    blind = rd.track(
+        chain, rd.SaturatedNullspace(chain), path, q0, dt=0.01, feedback=20.0, scene=still, links=links
+    )
     assert blind.status == "collision" and "'ball'" in blind.reason
     assert [event.kind for event in blind.events if event.kind == "contact"] == ["contact"]
     assert blind.clearance is not None and blind.clearance.min() < 0
     seeing = rd.SaturatedNullspace(chain, scene=still, links=links)
-    run = rd.track(seeing, path, q0, dt=0.01, feedback=20.0)
+    run = rd.track(chain, seeing, path, q0, dt=0.01, feedback=20.0)
     assert run.status == "off_path" and run.clearance is not None
     assert run.clearance.min() > 0.0195
 
