@@ -1,6 +1,7 @@
 """The picture of docs/panda_class.md: the self-motion of a Panda over joint 7, with its folds.
 
-Writes a PNG into the folder that is named, or into a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+Writes a PNG into the folder that is named, or into a temporary one. Needs matplotlib (`pip install
+'redundancy[plot]'`).
 """
 
 import sys
@@ -40,11 +41,15 @@ for number, piece in enumerate(s.pieces):
         color = f"C{number // 2}"
         if shown:
             axis.plot(q7, values, "--", color=color, linewidth=0.8)
-        axis.plot(q7, np.where(inside, values, np.nan), color=color, linewidth=2.5, alpha=1.0 if shown else 0.6)
+        axis.plot(
+            q7, np.where(inside, values, np.nan), color=color, linewidth=2.5, alpha=1.0 if shown else 0.6
+        )
         axis.set(xlabel="joint 7, rad", ylabel=f"joint {joint + 1}, rad")
     for lo, hi in piece.intervals():
         ends = [piece.parameter(lo), piece.parameter(hi)]
-        print(f"  {piece.label}: limits hold for u in [{lo:.4f}, {hi:.4f}], q7 from {ends[0]:.4f} to {ends[1]:.4f}")
+        print(
+            f"  {piece.label}: limits hold for u in [{lo:.4f}, {hi:.4f}], q7 from {ends[0]:.4f} to {ends[1]:.4f}"
+        )
 best = s.best(rd.JointRange(chain))
 for axis, joint in zip(axes, (3, 4, 5), strict=True):
     axis.plot(best.q[6], best.q[joint], "k*", markersize=10)

@@ -123,7 +123,10 @@ SOURCES = {
     "sawyer": ("Rethink Robotics Sawyer", "sawyer_robot d1ef3d0"),
     "unitree_g1": ("Unitree G1, left arm", "unitree_ros 5ae4fa5"),
     **{
-        name: (f"Universal Robots {name.upper().replace('E', 'e')}", "Universal_Robots_ROS2_Description 2221ec0")
+        name: (
+            f"Universal Robots {name.upper().replace('E', 'e')}",
+            "Universal_Robots_ROS2_Description 2221ec0",
+        )
         for name in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20", "ur30")
     },
     "xarm7": ("UFACTORY xArm 7", "xarm_ros2 3654ba7"),
@@ -650,7 +653,9 @@ def paint(
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
-    rule: Annotated[str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")] = "all",
+    rule: Annotated[
+        str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")
+    ] = "all",
     plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
     half_angle: Annotated[
         float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
@@ -773,6 +778,9 @@ def plan(
     base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
     tool: Annotated[str, typer.Option(help="Tool centre point after the tip, m: x,y,z.")] = "0,0,0",
+    rail: Annotated[
+        str | None, typer.Option(help="Rail before the base: its direction and range, x,y,z,lower,upper (m).")
+    ] = None,
     half_angle: Annotated[float, typer.Option(help="How far the tool may lean, degrees.")] = 0.0,
     spin: Annotated[str, typer.Option(help="free, or degrees to either side.")] = "0",
     axis: Annotated[str, typer.Option(help="Tool axis in the tool frame: x,y,z.")] = "0,0,1",
@@ -805,6 +813,8 @@ def plan(
         pose = np.eye(4)
         pose[:3, 3] = _plan.vector(tool, "--tool", 3)
         chain = chain.with_tool(pose)
+    if rail is not None:
+        chain = _plan.on_rail(chain, rail)
     joints = chain.dof
 
     def given(text: str | None, option: str) -> NDArray[np.float64] | None:
@@ -849,7 +859,7 @@ def plan_job(job: _plan.Job) -> None:
     if job.plan is None:
         return
     table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value in _plan.rows(job.plan):
+    for name, value in _plan.rows(job.chain, job.plan):
         table.add_row(name, escape(value))
     console = _out if _out.is_terminal else Console(width=160, highlight=False)
     console.print(table)
@@ -866,9 +876,10 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Two arms follow built-in paths of 1 000 points, one of them again around a ball, and a PUMA 560 paints.
+    """Arms follow built-in paths of 1 000 points, and a PUMA 560 paints.
 
-    Writes the paths too, and prints the commands that do the same.
+    Two arms follow by their elbow, one of them again around a ball; a Panda, a UR with a free tool axis and an iiwa on
+    a rail by the planner for any arm. Writes the paths too, and prints the commands that do the same.
 
     Example:  redundancy demo --out demo/
     """
@@ -893,6 +904,20 @@ def demo(
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
     Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
     _out.print()
+    for name, robot, path, choices in demo_plans():
+        file = out / f"{name}_path.csv"
+        path.to_csv(file)
+        words = "".join(f" --{key} {value}" for key, value in choices.items())
+        _out.print(
+            f"[dim]$ redundancy plan --robot {robot} --path {file}{words} --out {out / name}[/]",
+            soft_wrap=True,
+        )
+        chain = rd.catalog.load(robot)
+        if "rail" in choices:
+            chain = _plan.on_rail(chain, choices["rail"])
+        freedom = rd.ToolFreedom(spin=_plan.spin_of(choices.get("spin", "0")))
+        plan_job(_plan.Job(chain, robot, file, path, out / name, {"freedom": freedom}, plots))
+        _out.print()
     file = out / "paint_path.csv"
     demo_strokes().to_csv(file)
     command = f"redundancy paint --robot puma560 --tool -0.15,0,0.4 --path {file} --plan --time-limit 4"
@@ -904,9 +929,34 @@ def demo(
     angles = (float(np.deg2rad(10.0)), float(np.deg2rad(20.0)))
     paint_job(
         _painting.Job(
-            gun, "puma560", file, out / "paint", _painting.RULES, *angles, plan=True, time_limit=4.0, plots=plots
+            gun,
+            "puma560",
+            file,
+            out / "paint",
+            _painting.RULES,
+            *angles,
+            plan=True,
+            time_limit=4.0,
+            plots=plots,
         )
     )
+
+
+def demo_plans() -> list[tuple[str, str, rd.Path, dict[str, str]]]:
+    """Name, robot, path and options of the plans that the demo makes."""
+    down = np.diag([1.0, -1.0, -1.0])
+    panda = rd.paths.raster((0.35, -0.25, 0.25), 0.3, 0.08, 5, corner=0.06, orientation=down)
+    ur = rd.paths.raster((0.3, -0.25, 0.1), 0.5, 0.08, 4, corner=0.06, orientation=down)
+    # Along a wall: the tool looks at it, and the height goes up and down.
+    along = np.linspace(-0.5, 2.5, 1000)
+    positions = np.column_stack([np.full(1000, 0.6), along, 0.5 + 0.15 * np.sin(2 * np.pi * along)])
+    facing = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    wall = rd.Path(positions).with_orientation(facing)
+    return [
+        ("panda", "panda", panda.resampled(panda.length / 999), {}),
+        ("ur", "ur5e", ur.resampled(ur.length / 999), {"spin": "free"}),
+        ("rail", "iiwa14", wall, {"rail": "0,1,0,0,2"}),
+    ]
 
 
 def demo_strokes() -> rd.Path:

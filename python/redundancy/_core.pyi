@@ -35,8 +35,9 @@ class Chain:
 
     Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite.
     `q` is `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too.
-    Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up to
-    1e-3 (largest deviation of a singular value from 1) is replaced by the nearest one, beyond that the pose is refused.
+    Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up
+    to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest one, beyond that the pose is
+    refused.
 
     Example:
         >>> import numpy as np
@@ -55,10 +56,10 @@ class Chain:
     ) -> Chain:
         """Read the way from a base link to a tip link out of a URDF file.
 
-        The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from the top
-        of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they are in order
-        from the base, and each body goes with the joint before it. Fixed joints are folded, numbers are used as they are, a
-        velocity or effort of 0 means none.
+        The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from the
+        top of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they are
+        in order from the base, and each body goes with the joint before it. Fixed joints are folded, numbers are used
+        as they are, a velocity or effort of 0 means none.
 
         Args:
             path: The file.
@@ -68,8 +69,8 @@ class Chain:
 
         Raises:
             OSError: The file cannot be opened.
-            DescriptionError: Malformed XML, no common ancestor of base and tip (both roots are named), joints that mimic,
-                float or move in a plane, names used twice, missing or inverted limits.
+            DescriptionError: Malformed XML, no common ancestor of base and tip (both roots are named), joints that
+                mimic, float or move in a plane, names used twice, missing or inverted limits.
             RedundancyError: An unknown link (the names are listed), numbers that are not finite, a zero axis.
         """
 
@@ -178,9 +179,9 @@ class Chain:
     ) -> Chain:
         """The same arm on a rail: one prismatic joint before the base.
 
-        At 0 on the rail the arm stands where it stood. The rail is the first joint; the first link is `<name>_base`, which
-        stands, and the former first link moves. Another call puts a rail below the rail. In torques the rail carries the
-        bodies that the arm's joints move; the mass of the former first link is not known.
+        At 0 on the rail the arm stands where it stood. The rail is the first joint; the first link is `<name>_base`,
+        which stands, and the former first link moves. Another call puts a rail below the rail. In torques the rail
+        carries the bodies that the arm's joints move; the mass of the former first link is not known.
 
         Args:
             axis: `(3,)` direction of the rail, world axes, of any length.
@@ -198,9 +199,7 @@ class Chain:
             >>> chain.dof, chain.joint_names[0]
             (8, 'rail')
         """
-    def with_payload(
-        self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike | None = None
-    ) -> Chain:
+    def with_payload(self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike | None = None) -> Chain:
         """The same arm with a body fixed to its tip; adds to what is there.
 
         It counts in torques and what depends on them (`inverse_dynamics`, `max_speed`, `plan_orientation`).
@@ -208,12 +207,12 @@ class Chain:
         Args:
             mass: kg.
             center_of_mass: `(3,)`, m, in the frame of the last link (the tip), whatever the tool is.
-            inertia: `(3, 3)` or its diagonal `(3,)` at the centre of mass, axes of the last link, kg m^2; a point mass when
-                left out.
+            inertia: `(3, 3)` or its diagonal `(3,)` at the centre of mass, axes of the last link, kg m^2; a point mass
+                when left out.
 
         Raises:
-            RedundancyError: A chain without inertias, a mass that is not positive, an inertia that is not symmetric or not
-                positive semidefinite, numbers that are not finite.
+            RedundancyError: A chain without inertias, a mass that is not positive, an inertia that is not symmetric or
+                not positive semidefinite, numbers that are not finite.
 
         Example:
             >>> import redundancy as rd
@@ -355,7 +354,8 @@ class Path:
         s: `(N,)` arc length, m; summed from the distances when left out.
         t: `(N,)` times, s, increasing; a path without times is timed by the arm's velocity limits.
         positions: `(N, 3)`, m, instead of `poses`.
-        quaternions_wxyz: `(N, 4)`, scalar first, beside `positions`, or `(4,)` for all; a path of positions when left out.
+        quaternions_wxyz: `(N, 4)`, scalar first, beside `positions`, or `(4,)` for all; a path of positions when left
+            out.
 
     Raises:
         RedundancyError: Fewer than two samples, invalid poses, lengths that differ, `s` or `t` that do not increase.
@@ -447,8 +447,8 @@ class Path:
     def reversed(self) -> Path:
         """The path from its end to its start, with the same orientations.
 
-        Circle and raster stay analytic. Arc lengths and times start where they started, and each section takes as long as
-        before.
+        Circle and raster stay analytic. Arc lengths and times start where they started, and each section takes as long
+        as before.
         """
     def joined(self, other: Path) -> Path:
         """This path and then `other`, each with its own curve: where they meet is a corner, unless they meet smoothly.
@@ -1884,6 +1884,7 @@ class ParallelAxesArm:
         NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
 
     Example:
+        >>> import numpy as np
         >>> import redundancy as rd
         >>> rows = [[0, .16, np.pi / 2, 0], [-.6, 0, 0, 0], [-.57, 0, 0, 0],
         ...         [0, .17, np.pi / 2, 0], [0, .12, -np.pi / 2, 0], [0, .11, 0, 0]]
@@ -1958,7 +1959,7 @@ class PandaClassArm:
         >>> arm = rd.PandaClassArm(rd.catalog.load("panda"))
         >>> pose = arm.chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])
         >>> arm.solve(pose, q7=-0.9).shape
-        (1, 7)
+        (3, 7)
     """
 
     def __new__(cls, chain: Chain) -> Self: ...
@@ -3295,8 +3296,8 @@ def pose(
         `(4, 4)`, or `(N, 4, 4)` where an argument has a leading axis.
 
     Raises:
-        RedundancyError: More than one orientation, wrong shapes, numbers that are not finite; a quaternion or matrix that
-            is farther off, or a reflection, with the measured value.
+        RedundancyError: More than one orientation, wrong shapes, numbers that are not finite; a quaternion or matrix
+            that is farther off, or a reflection, with the measured value.
 
     Example:
         >>> import redundancy as rd
@@ -3324,7 +3325,8 @@ def quaternion_to_axis_angle(q: ArrayLike, *, threads: int | None = None) -> tup
 def quaternion_from_matrix(matrix: ArrayLike | Any, *, threads: int | None = None) -> NDArray[np.float64]:
     """Quaternion with a scalar part >= 0 of a rotation `(3, 3)` or `(N, 3, 3)`, or of an object with `as_matrix()`.
 
-    A matrix that is off by up to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest rotation.
+    A matrix that is off by up to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest
+    rotation.
     """
 
 def quaternion_to_matrix(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:

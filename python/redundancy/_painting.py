@@ -233,7 +233,9 @@ class Job:
             before = (np.linspace(best.s[0], best.s[-1], length), self.constant.torques)
         figures = {
             "speeds.png": plot_painting.speeds([c.name for c in done], np.array([c.speed for c in done])),
-            "torques.png": plot_painting.torques(best.s, best.torques, limits, self.chain.joint_names, before),
+            "torques.png": plot_painting.torques(
+                best.s, best.torques, limits, self.chain.joint_names, before
+            ),
             "orientation.png": plot_painting.orientation(best.s, best.tilt, best.spin, self.half_angle),
             "path.png": plot_painting.path_from_above(best.poses[:, :3, 3], best.poses[:, :3, 2]),
         }

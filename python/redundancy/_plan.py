@@ -84,15 +84,13 @@ class Job:
         seconds = np.diff(plan.t)[:, None]
         out |= {
             "cost": plan.cost,
-            "joint_travel_rad": float(np.linalg.norm(steps, axis=1).sum()),
+            **travel_and_margin(self.chain, plan),
             "sum_of_squared_steps": float((steps**2).sum()),
             "duration_s": float(plan.t[-1] - plan.t[0]),
             "peak_joint_speed": dict(
                 zip(plan.joint_names, np.abs(steps / seconds).max(axis=0).tolist(), strict=True)
             ),
         }
-        if plan.margin is not None and np.isfinite(plan.margin).any():
-            out["least_margin"] = float(plan.margin.min())
         if plan.tilt is not None:
             out["largest_tilt_deg"] = float(np.degrees(np.linalg.norm(plan.tilt, axis=1).max()))
         if plan.spin is not None:
@@ -114,18 +112,43 @@ def spin_of(text: str) -> Literal["free"] | float:
         raise rd.RedundancyError(f"--spin is '{text}', it must be free or an angle in degrees") from None
 
 
-def rows(plan: rd.Plan) -> list[tuple[str, str]]:
+def sliding_joints(chain: rd.Chain) -> np.ndarray:
+    """Which joints slide: those that turn nothing."""
+    turning = np.abs(chain.jacobian(np.zeros(chain.dof))[3:]).max(axis=0)
+    return np.asarray(turning == 0.0)
+
+
+def travel_and_margin(chain: rd.Chain, plan: rd.Plan) -> dict[str, float]:
+    """Travel (Euclidean length in joint space) and least distance from a limit; turning and sliding joints apart."""
+    out: dict[str, float] = {}
+    slides = sliding_joints(chain)
+    margins = np.minimum(plan.q - chain.lower, chain.upper - plan.q).min(axis=0)
+    for chosen, unit in ((~slides, "rad"), (slides, "m")):
+        if not chosen.any():
+            continue
+        out[f"joint_travel_{unit}"] = float(np.linalg.norm(np.diff(plan.q[:, chosen], axis=0), axis=1).sum())
+        least = float(margins[chosen].min())
+        if np.isfinite(least):
+            out[f"least_margin_{unit}"] = least
+    return out
+
+
+def rows(chain: rd.Chain, plan: rd.Plan) -> list[tuple[str, str]]:
     """What the terminal shows."""
     out = [("status", str(plan.status))]
     if plan.reason:
         out.append(("reason", plan.reason))
     if not len(plan):
         return out
-    steps = np.diff(plan.q, axis=0)
-    out.append(("joint travel", f"{np.linalg.norm(steps, axis=1).sum():.4f} rad"))
+    figures = travel_and_margin(chain, plan)
+    out.append(("joint travel", f"{figures.get('joint_travel_rad', 0.0):.4f} rad"))
+    if "joint_travel_m" in figures:
+        out.append(("travel of sliding joints", f"{figures['joint_travel_m']:.4f} m"))
     out.append(("duration", f"{plan.t[-1] - plan.t[0]:.3f} s"))
-    if plan.margin is not None and np.isfinite(plan.margin).any():
-        out.append(("least margin", f"{np.degrees(plan.margin.min()):.2f} deg"))
+    if "least_margin_rad" in figures:
+        out.append(("least margin", f"{np.degrees(figures['least_margin_rad']):.2f} deg"))
+    if "least_margin_m" in figures:
+        out.append(("least margin of sliding joints", f"{figures['least_margin_m']:.4f} m"))
     if plan.tilt is not None and np.any(plan.tilt):
         out.append(("largest tilt", f"{np.degrees(np.linalg.norm(plan.tilt, axis=1).max()):.2f} deg"))
     if plan.spin is not None and np.any(plan.spin):
@@ -145,3 +168,9 @@ def vector(text: str, option: str, count: int) -> NDArray[np.float64]:
     if len(values) != count or not np.isfinite(values).all():
         raise rd.RedundancyError(f"{option} is '{text}', it must be {count} comma-separated numbers")
     return values
+
+
+def on_rail(chain: rd.Chain, text: str) -> rd.Chain:
+    """The arm on a rail `x,y,z,lower,upper`."""
+    values = vector(text, "--rail", 5)
+    return chain.with_rail(values[:3], float(values[3]), float(values[4]))

@@ -133,7 +133,7 @@ fn what_is_wrong_is_named() {
         (one().inertias(vec![heavy(1.0, nan)]).build(), &["j", "rotor", "NaN"]),
         (dh(nan).build(), &["D-H row 0", "entry 1", "NaN"]),
         (ChainBuilder::from_dh("arm", &[], DhConvention::Standard).build(), &["no moving joint"]),
-        (catalog::load("pa11"), &["pa11", "dexter, iiwa14, pa10"]),
+        (catalog::load("pa11"), &["pa11", "dexter, fr3, gen3"]),
     ];
     for (result, words) in table {
         let text = result.unwrap_err().to_string();

@@ -244,6 +244,7 @@ fn steps_at_singular_configurations() {
         let chain = catalog::load(name).unwrap();
         let task = if name == "planar3r" { Task::PLANAR } else { Task::POSE };
         let mut target = chain.forward(&q).unwrap();
+        target.translation.vector.x += 1e-3;
         target.translation.vector.y += 1e-3;
         let mut corrector = Corrector::new(&chain, task, &target).unwrap();
         let before = corrector.error(&q).position;

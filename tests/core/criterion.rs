@@ -103,7 +103,7 @@ fn manipulability_against_differences() {
                     }
                     let (first, second) = against_differences(&h, &q, 1e-5);
                     assert!(first < 1e-7, "{} {task} {measure:?} gradient: {first:e}", arm.name());
-                    assert!(second < 1e-7, "{} {task} {measure:?} Hessian: {second:e}", arm.name());
+                    assert!(second < 1e-6, "{} {task} {measure:?} Hessian: {second:e}", arm.name());
                 }
             }
         }

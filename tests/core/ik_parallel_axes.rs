@@ -6,7 +6,7 @@ use rand::Rng;
 use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::kinematics::Scratch;
 use redundancy_core::nalgebra::Vector3;
-use redundancy_core::solutions::ParallelAxesArm;
+use redundancy_core::solutions::{ClosedForm, ParallelAxesArm, Solutions};
 use redundancy_core::{Error, Pose, Status, pose_to_row_major};
 
 use crate::allocations;
@@ -214,21 +214,36 @@ fn singular_poses_are_defined() {
                 }
             }
             let target = chain.forward(&q).unwrap();
+            // So near to where joint 5 turns back, but not there, rounding decides which branches there are, and where: the rows
+            // meet the pose, they need not be all, and the verdict does not claim it.
+            let doubtful = k % 3 != 1 && (1e-12..=1e-9).contains(&near);
+            if k % 3 != 1 && near <= 1e-9 {
+                let all = arm.configurations(&target).unwrap();
+                assert!(!all.proven() && !Solutions::reason(&all).is_empty(), "{k} {near:e}");
+                assert!(!ClosedForm::proves(&arm, &target));
+            }
             for limits in [false, true] {
                 let rows = arm.solve(&target, limits).unwrap();
-                assert!(!rows.is_empty(), "{k} {near:e} {} {q:?}", chain.name());
+                assert!(!rows.is_empty() || doubtful, "{k} {near:e} {} {q:?}", chain.name());
                 for row in &rows {
                     assert!(row.iter().all(|x| x.is_finite()));
                     let error = pose_error(&chain.forward(row).unwrap(), &target);
                     assert!(error < 1e-10, "{k} {near:e} {error:e} {row:?} {q:?}");
                 }
             }
-            let near_q = arm.nearest(&target, &q).unwrap().unwrap();
+            let near_q = arm.nearest(&target, &q).unwrap();
+            assert!(near_q.is_some() || doubtful, "{k} {near:e}");
+            let Some(near_q) = near_q else { continue };
             assert!(pose_error(&chain.forward(&near_q).unwrap(), &target) < 1e-10);
             let distance = near_q.iter().zip(&q).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-            // Where two joints are at an end, rounding of one moves the other by its root.
-            let bound = if k % 3 == 2 { 2e-3 } else { 1e-6 };
-            assert!(distance < bound, "{k} {near:e} {distance:e} {near_q:?} {q:?}");
+            // Where joint 5 turns back, or two joints are at an end, they are known to the root of the rounding, and short levers make
+            // the others move farther. Another branch is farther than that.
+            let bound = if k % 3 != 1 && (near <= 1e-9 || k % 3 == 2) { 1e-2 } else { 1e-6 };
+            assert!(
+                distance < bound || doubtful,
+                "{k} {near:e} {distance:e} {near_q:?} {q:?} {}",
+                chain.name()
+            );
             wrists += usize::from(k % 3 == 0 && near == 0.0);
         }
     }

@@ -24,6 +24,7 @@ mod parallel;
 mod path;
 mod path_edit;
 mod plan;
+mod plan_path;
 mod planning;
 mod planning_brute;
 mod planning_scene;

@@ -153,7 +153,12 @@ def test_arrays_that_hold_numbers_otherwise():
     assert rd.JointRange(CHAIN).value(MISALIGNED) == rd.JointRange(CHAIN).value(MISALIGNED.copy())
     pose = np.frombuffer(b"\0" + POSE.tobytes(), dtype=np.uint8)[1:].view(np.float64).reshape(4, 4)
     assert np.array_equal(CHAIN.with_tool(pose).tool, POSE)
-    for same in ([Fraction(1, 2)] * 7, [Decimal("0.5")] * 7, np.array([0.5] * 7, dtype=object), np.float16(halves)):
+    for same in (
+        [Fraction(1, 2)] * 7,
+        [Decimal("0.5")] * 7,
+        np.array([0.5] * 7, dtype=object),
+        np.float16(halves),
+    ):
         assert np.array_equal(CHAIN.forward(same), CHAIN.forward(halves))
     whole = np.ma.masked_array(halves, mask=False)
     assert np.array_equal(CHAIN.forward(whole), CHAIN.forward(halves))
@@ -181,7 +186,10 @@ def test_one_row_of_denavit_hartenberg_is_a_list_of_one():
         (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], names=3), "names"),
         (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], lower="low"), "lower"),
         (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=3), "inertia"),
-        (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=[("a", (0, 0, 0), (0, 0, 0))]), r"inertia\[0\]: mass"),
+        (
+            lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=[("a", (0, 0, 0), (0, 0, 0))]),
+            r"inertia\[0\]: mass",
+        ),
         (lambda: rd.Chain.from_dh([[0, 0, 0, 0]], inertia=[3]), r"inertia\[0\]"),
         (lambda: CHAIN.with_limits(lower="low"), "lower"),
         (lambda: rd.Path(None), "poses"),
@@ -221,5 +229,7 @@ def test_units_are_asked_about():
     with pytest.raises(rd.RedundancyError, match=ask):
         flow.follow(millimetres.with_times(np.arange(20.0)), 0.0, 0.1)
     path = rd.Path([arm.forward(np.full(7, 0.3)), arm.forward(np.full(7, 0.31))])
-    with pytest.raises(rd.RedundancyError, match=r"180 rad, 28\.6 turns: are the joint positions in degrees\?"):
+    with pytest.raises(
+        rd.RedundancyError, match=r"180 rad, 28\.6 turns: are the joint positions in degrees\?"
+    ):
         rd.follow_optimum(arm, path, [0.0, 30.0, 0.0, -90.0, 0.0, 60.0, 180.0], rd.JointRange(arm))

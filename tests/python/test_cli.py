@@ -81,11 +81,22 @@ def test_track_with_a_urdf_a_swivel_and_a_branch(capsys, tmp_path):
     np.testing.assert_allclose(trajectory.t, times, atol=1e-12)
 
 
-def test_demo_follows_two_paths_of_1000_points(capsys, tmp_path):
+def test_demo_follows_paths_of_1000_points(capsys, tmp_path):
     status, out, err = run(capsys, "demo", "--out", tmp_path, "--no-plots")
     assert (status, err) == (0, "")
-    for name in ("pa10", "iiwa"):
+    for name in ("pa10", "iiwa", "panda", "ur", "rail"):
         assert len(rd.Trajectory.from_csv(tmp_path / name / "trajectory.csv")) == 1000
+    for name in ("panda", "ur", "rail"):
+        plan = rd.Plan.from_npz(tmp_path / name / "plan.npz")
+        assert (plan.status, plan.legal) == ("converged", True)
+        summary = json.loads((tmp_path / name / "summary.json").read_text())
+        # Metres of the rail are not counted as radians.
+        assert ("joint_travel_m" in summary, "least_margin_m" in summary) == (name == "rail", name == "rail")
+        slides = 1 if name == "rail" else 0
+        travel = np.linalg.norm(np.diff(plan.q[:, slides:], axis=0), axis=1).sum()
+        assert summary["joint_travel_rad"] == pytest.approx(travel)
+    assert "travel of sliding joints" in out
+    assert out.count("$ redundancy plan") == 3
     # Two rasters, and an elbow that goes round a ball.
     assert out.count("$ redundancy track") == 3
     assert out.count("$ redundancy paint") == 1
@@ -150,7 +161,7 @@ def test_points_outside_the_limits(capsys, tmp_path):
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"--robot": "pa11"}, "unknown robot 'pa11', expected one of: dexter, iiwa14, pa10"),
+        ({"--robot": "pa11"}, "unknown robot 'pa11', expected one of: dexter, fr3, gen3"),
         ({"--robot": "no/arm.urdf"}, "robot file 'no/arm.urdf' does not exist"),
         ({"--robot": "panda"}, "not a spherical-revolute-spherical arm: axes 6 and 7 miss each other by 88"),
         ({"--robot": "pa10", "--base": "link1"}, "--base and --tip belong to URDF files"),

@@ -1,4 +1,5 @@
-"""Paths from positions and quaternions, moved, reversed and joined; trajectories between their rows; poses; quaternions."""
+"""Paths from positions and quaternions, moved, reversed, joined; trajectories between their rows; poses;
+quaternions."""
 
 import pickle
 from pathlib import Path
@@ -41,14 +42,20 @@ def test_positions_and_quaternions_make_a_path() -> None:
         ({"quaternions_wxyz": np.eye(4)}, "need positions"),
         ({"positions": [0.0, 1.0, 2.0]}, r"positions has shape \(3,\), expected \(N, 3\)"),
         ({"positions": np.eye(3), "quaternions_wxyz": np.eye(4)}, r"\(rows\): expected 3 entries, got 4"),
-        ({"positions": np.eye(3), "quaternions_wxyz": [1, 0.1, 0, 0]}, "quaternions_wxyz: quaternion .* has norm 1.00"),
+        (
+            {"positions": np.eye(3), "quaternions_wxyz": [1, 0.1, 0, 0]},
+            "quaternions_wxyz: quaternion .* has norm 1.00",
+        ),
         (
             {"positions": np.eye(3), "quaternions_wxyz": [[1, 0, 0, 0], [1, 0, 0, 0.1], [1, 0, 0, 0]]},
             r"quaternions_wxyz\[1\]: quaternion .* has norm",
         ),
         ({"positions": [["a", "b", "c"]] * 2}, "array of strings"),
         ({"poses": np.eye(4)}, "at least two samples, got 1"),
-        ({"poses": np.zeros((3, 5))}, r"poses has shape \(3, 5\), expected \(N, 4, 4\) or positions \(N, 3\)"),
+        (
+            {"poses": np.zeros((3, 5))},
+            r"poses has shape \(3, 5\), expected \(N, 4, 4\) or positions \(N, 3\)",
+        ),
         ({"poses": np.ma.masked_array(np.eye(3), mask=np.eye(3))}, "poses has masked entries"),
     ],
 )
@@ -146,7 +153,9 @@ def test_accelerations_and_sections_travel(tmp_path: Path) -> None:
     plain = rd.Trajectory(["a", "b"], t, q, qd)
     plain.to_npz(tmp_path / "p.npz")
     assert rd.Trajectory.from_npz(tmp_path / "p.npz") == plain != full
-    with pytest.raises(rd.RedundancyError, match="unknown section 'middle', expected one of: lead_in, path, lead_out"):
+    with pytest.raises(
+        rd.RedundancyError, match="unknown section 'middle', expected one of: lead_in, path, lead_out"
+    ):
         rd.Trajectory(["a", "b"], t, q, section=["middle"] * 4)
     with pytest.raises(rd.RedundancyError, match="section: expected 4 entries, got 3"):
         rd.Trajectory(["a", "b"], t, q, section=words[:3])
@@ -175,7 +184,8 @@ def test_poses() -> None:
     assert np.abs(rd.pose(p, matrix=turns)[:, :3, :3] - turns.as_matrix()).max() < 1e-15
     # The same as a URDF makes of it.
     urdf = (
-        '<robot name="r"><link name="a"/><link name="b"/><link name="c"/><joint name="f" type="fixed"><parent link="a"/>'
+        '<robot name="r"><link name="a"/><link name="b"/><link name="c"/>'
+        '<joint name="f" type="fixed"><parent link="a"/>'
         f'<child link="b"/><origin xyz="{p[0]} {p[1]} {p[2]}" rpy="{rpy[0]} {rpy[1]} {rpy[2]}"/></joint>'
         '<joint name="j" type="continuous"><parent link="b"/><child link="c"/></joint></robot>'
     )
@@ -186,7 +196,10 @@ def test_poses() -> None:
     ("options", "text"),
     [
         ({"rpy": [0, 0, 0], "matrix": np.eye(3)}, "give one of quaternion_wxyz, rpy and matrix"),
-        ({"matrix": np.eye(3) * 1.002}, "distance from the nearest rotation is 0.002.*, it must be at most 1e-3"),
+        (
+            {"matrix": np.eye(3) * 1.002},
+            "distance from the nearest rotation is 0.002.*, it must be at most 1e-3",
+        ),
         ({"matrix": np.diag([1.0, 1.0, -1.0])}, "reflection .* determinant is -1, it must be 1"),
         ({"matrix": np.full((3, 3), np.nan)}, "matrix: entry 0 is NaN"),
         ({"quaternion_wxyz": [1, 0.1, 0, 0]}, "quaternion_wxyz: quaternion .* has norm 1.00"),

@@ -95,3 +95,16 @@ def test_bad_input(change, words):
         rd.retime(PANDA, smooth(20, 0), **change)
     with pytest.raises(ValueError, match="rows of the path"):
         rd.retime(PANDA, np.zeros((1, 7)))
+
+
+@pytest.mark.parametrize("dt", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("jerk", [None, 500.0])
+def test_evenly_spaced_rows_hold_the_limits(dt: float, jerk: float | None):
+    q = smooth(60, 5)
+    limits = None if jerk is None else np.full(7, jerk)
+    move = rd.retime(PANDA, q, jerk_limits=limits, dt=dt)
+    assert np.allclose(np.diff(move.t)[:-1], dt, atol=1e-12)
+    assert max(shares(move, limits)) <= 1.0 + 1e-6
+    # Slower than without, if at all, and said so.
+    free = rd.retime(PANDA, q, jerk_limits=limits)
+    assert move.t[-1] >= free.t[-1] - 1e-9 and move.stretched >= 1.0

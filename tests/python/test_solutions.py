@@ -120,7 +120,7 @@ def test_nearest_and_best_beat_a_scan(case: tuple[rd.Chain, np.ndarray, rd.Solut
     near = s.nearest(wish)
     assert near.value <= np.linalg.norm(scanned - wish, axis=1).min() + 1e-12
     assert near.value == pytest.approx(np.linalg.norm(near.q - wish))
-    assert near.piece.index in range(len(s.pieces)) and near.proven == s.proven
+    assert near.piece.index in range(len(s.pieces)) and (s.proven or not near.proven)
     assert s.nearest(q).value < 1e-7
 
 

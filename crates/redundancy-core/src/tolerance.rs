@@ -47,6 +47,12 @@ pub const POLISH_REACH: f64 = 0.03;
 /// Share of the squared length of a chord by which its component along the normal may come out negative: rounding.
 pub const ROOM_ROUNDING: f64 = 1e-13;
 
+/// What rounding of the elbow may take besides, over the sine of its angle: the nearer to its end, the farther rounding turns it.
+pub const ROOM_ELBOW: f64 = 4e-15;
+
+/// The most that [`ROOM_ELBOW`] may make: a row meets its pose within about half of this, times the arm's length.
+pub const ROOM_ELBOW_MOST: f64 = 1e-9;
+
 /// `|sin u|` of a lens below which its ends' expansion is used: what it leaves out is of the order of its square.
 pub const LENS_END: f64 = 1e-4;
 
@@ -82,6 +88,10 @@ pub const SINGULAR_WRIST: usize = 256;
 /// Sine of the angle between axis 6 and the parallel axes below which rounding of joint 6 (1e-16 over this) may move the
 /// arm out of a reach that it is at the end of.
 pub const SINGULAR_WRIST_SINE: f64 = 1e-7;
+
+/// Sine of the joint that turns back in a closed form below which rounding (1e-16 under the root, times what short triangles make
+/// of it) decides which branches exist.
+pub const FOLD_SINE: f64 = 1e-6;
 
 /// Rotation (rad) of the tool that another joint 6 next to a singular wrist may cost: a few roundings of a rotation matrix.
 pub const SINGULAR_WRIST_ROUNDING: f64 = 1e-14;

@@ -1,21 +1,205 @@
-//! `ParallelAxesArm` and `PandaClassArm`.
+//! The arms with a closed form beside `SrsArm`: `SphericalWristArm`, `ParallelAxesArm`, `PandaClassArm`.
+
+use std::ops::Range;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use redundancy_core::Error;
-use redundancy_core::solutions::{ClosedForm, Defect, PandaClassArm, ParallelAxesArm};
+use redundancy_core::solutions::{
+    ClosedForm, Configurations, Defect, PandaClassArm, ParallelAxesArm, SphericalWristArm,
+};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
 use crate::convert::{Fresh, Threads, read_pose, read_poses, read_rows, read_vector, to_array};
 use crate::error::to_py;
-use crate::self_motion::{Batch, PySolveBatch};
+use crate::self_motion::{Batch, PySolveBatch, signs_of};
+use crate::status::status_to_py;
 
 /// Poses between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 16_384;
 /// The same for searches.
 const SEARCH_BLOCK: usize = 512;
+
+/// A six-joint arm with a spherical wrist and its closed-form inverse kinematics.
+#[pyclass(name = "SphericalWristArm", module = "redundancy", frozen)]
+pub struct PySphericalWristArm {
+    pub arm: SphericalWristArm,
+    pub chain: Py<PyChain>,
+}
+
+#[pymethods]
+impl PySphericalWristArm {
+    #[new]
+    fn new(chain: &Bound<'_, PyChain>) -> PyResult<Self> {
+        let arm = SphericalWristArm::new(&chain.get().chain).map_err(to_py)?;
+        Ok(Self { arm, chain: chain.clone().unbind() })
+    }
+
+    /// The chain that was recognised.
+    #[getter]
+    fn chain(&self, py: Python<'_>) -> Py<PyChain> {
+        self.chain.clone_ref(py)
+    }
+
+    /// `spherical_wrist`.
+    #[getter]
+    fn name(&self) -> &'static str {
+        ClosedForm::name(&self.arm)
+    }
+
+    /// `None`: the configurations are isolated.
+    #[getter]
+    fn parameter(&self) -> Option<&'static str> {
+        self.arm.parameter()
+    }
+
+    /// How far the arm is from an ideal one: (metres, radians).
+    #[getter]
+    fn defect(&self) -> (f64, f64) {
+        pair(self.arm.defect())
+    }
+
+    /// Lengths of upper arm and forearm, m.
+    #[getter]
+    fn lengths(&self) -> (f64, f64) {
+        let [upper, fore] = self.arm.lengths();
+        (upper, fore)
+    }
+
+    /// Distance of axis 2 from axis 1, m.
+    #[getter]
+    fn shoulder_offset(&self) -> f64 {
+        self.arm.shoulder_offset()
+    }
+
+    /// Distance of the wrist centre from the plane of the arm through axis 1, m.
+    #[getter]
+    fn lateral_offset(&self) -> f64 {
+        self.arm.lateral_offset()
+    }
+
+    /// Configurations over a pose.
+    #[pyo3(signature = (pose, limits=true))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        limits: bool,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.arm.solve(&read_pose(pose)?, limits).map_err(to_py)?;
+        to_array(py, rows.as_flattened(), [rows.len(), 6])
+    }
+
+    /// All branches over many poses.
+    #[pyo3(signature = (poses, limits=true, *, threads=None))]
+    fn solve_batch<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        limits: bool,
+        threads: Option<Threads>,
+    ) -> PyResult<PySolveBatch> {
+        solve_batch::<6>(py, poses, threads, |_, data, q, valid| self.arm.solve_batch(data, limits, q, valid))
+    }
+
+    /// The configuration over the pose nearest to `q`.
+    #[pyo3(signature = (pose, q, *, threads=None))]
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        pose: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        threads: Option<Threads>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        if read_poses(pose)?.batch.is_none() {
+            let q = read_vector(q, "q", Some(6))?;
+            let near = self.arm.nearest(&read_pose(pose)?, &q).map_err(to_py)?;
+            return Ok(near.map(|q| PyArray1::from_slice(py, &q).into_any()));
+        }
+        nearest_batch(py, pose, q, threads, BLOCK, |poses, q| self.arm.nearest_batch(poses, q)).map(Some)
+    }
+
+    /// Every configuration over a pose, with the reason where there is none.
+    fn configurations(&self, pose: &Bound<'_, PyAny>) -> PyResult<PyConfigurations> {
+        let all = self.arm.configurations(&read_pose(pose)?).map_err(to_py)?;
+        Ok(PyConfigurations { all })
+    }
+
+    /// Signs (shoulder, elbow, wrist) of a configuration.
+    fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        branch_signs(py, q, |q| self.arm.branch(q))
+    }
+
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        (this.get_type(), (this.get().chain.clone_ref(this.py()),)).into_pyobject(this.py())
+    }
+
+    fn __repr__(&self) -> String {
+        let (upper, fore) = self.lengths();
+        let defect = self.arm.defect();
+        format!(
+            "SphericalWristArm('{}', upper arm {upper:.6} m, forearm {fore:.6} m, defect {:.1e} m {:.1e} rad)",
+            self.arm.chain().name(),
+            defect.position,
+            defect.orientation
+        )
+    }
+}
+
+/// Every configuration over one pose.
+#[pyclass(name = "Configurations", module = "redundancy", frozen)]
+pub struct PyConfigurations {
+    all: Configurations,
+}
+
+#[pymethods]
+impl PyConfigurations {
+    /// `converged`, `limits` or `unreachable`.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.all.status)
+    }
+
+    /// Why there is none, with the number; empty when there is one.
+    #[getter]
+    fn reason(&self) -> &str {
+        &self.all.reason
+    }
+
+    /// Whether status and branches say everything.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.all.proven()
+    }
+
+    /// Distance of the wrist centre from what it can reach, m.
+    #[getter]
+    fn distance(&self) -> f64 {
+        self.all.distance
+    }
+
+    /// `(k, 6)`, in branch order.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, self.all.q.as_flattened(), [self.all.q.len(), 6])
+    }
+
+    /// `(k, 3)` signs (shoulder, elbow, wrist).
+    #[getter]
+    fn branches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i8>>> {
+        let signs: Vec<[i8; 3]> = self.all.branches.iter().map(|b| signs_of(*b)).collect();
+        to_array(py, signs.as_flattened(), [signs.len(), 3])
+    }
+
+    fn __repr__(&self) -> String {
+        match self.all.reason.as_str() {
+            "" => format!("Configurations({}: {} branches)", self.all.status, self.all.q.len()),
+            reason => format!("Configurations({}: {reason})", self.all.status),
+        }
+    }
+}
 
 /// A six-joint arm with three parallel axes and its closed-form inverse kinematics.
 #[pyclass(name = "ParallelAxesArm", module = "redundancy", frozen)]
@@ -84,19 +268,7 @@ impl PyParallelAxesArm {
         limits: bool,
         threads: Option<Threads>,
     ) -> PyResult<PySolveBatch> {
-        let poses = Batch::read(poses)?;
-        let n = poses.len();
-        let (mut q, mut valid) = (Fresh::<f64, _>::new(py, [n, 8, 6]), Fresh::<bool, _>::new(py, [n, 8]));
-        {
-            let (q, valid) = (q.memory()?, valid.memory()?);
-            let data = poses.as_slice()?;
-            in_blocks(py, n, BLOCK, threads, |r| {
-                let (q, valid) = (&mut q[r.start * 48..r.end * 48], &mut valid[r.start * 8..r.end * 8]);
-                self.arm.solve_batch(&data[r.start * 16..r.end * 16], limits, q, valid)
-            })?;
-        }
-        let (q, valid) = (q.finish().to_dyn().clone(), valid.finish().to_dyn().clone());
-        Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
+        solve_batch::<6>(py, poses, threads, |_, data, q, valid| self.arm.solve_batch(data, limits, q, valid))
     }
 
     /// The configuration over the pose nearest to `q`.
@@ -118,14 +290,7 @@ impl PyParallelAxesArm {
 
     /// Signs (shoulder, elbow, wrist) of a configuration.
     fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let rows = read_rows(q, "q", &[6])?;
-        let rows_of = rows.as_slice()?.chunks_exact(6);
-        let signs: Vec<[i8; 3]> =
-            rows_of.map(|q| self.arm.branch(q)).collect::<Result<_, _>>().map_err(to_py)?;
-        match rows.batch {
-            None => Ok(PyTuple::new(py, signs[0])?.into_any()),
-            Some(n) => Ok(to_array(py, signs.as_flattened(), [n, 3])?.into_any()),
-        }
+        branch_signs(py, q, |q| self.arm.branch(q))
     }
 
     fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
@@ -210,24 +375,14 @@ impl PyPandaClassArm {
         limits: bool,
         threads: Option<Threads>,
     ) -> PyResult<PySolveBatch> {
-        let poses = Batch::read(poses)?;
-        let n = poses.len();
         let q7 = match q7.extract::<f64>() {
             Ok(q7) => vec![q7],
-            Err(_) => read_vector(q7, "q7", Some(n))?,
+            Err(_) => read_vector(q7, "q7", Some(Batch::read(poses)?.len()))?,
         };
-        let (mut q, mut valid) = (Fresh::<f64, _>::new(py, [n, 8, 7]), Fresh::<bool, _>::new(py, [n, 8]));
-        {
-            let (q, valid) = (q.memory()?, valid.memory()?);
-            let data = poses.as_slice()?;
-            in_blocks(py, n, BLOCK, threads, |r| {
-                let q7 = if q7.len() == 1 { &q7[..] } else { &q7[r.start..r.end] };
-                let (q, valid) = (&mut q[r.start * 56..r.end * 56], &mut valid[r.start * 8..r.end * 8]);
-                self.arm.solve_batch(&data[r.start * 16..r.end * 16], q7, limits, q, valid)
-            })?;
-        }
-        let (q, valid) = (q.finish().to_dyn().clone(), valid.finish().to_dyn().clone());
-        Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
+        solve_batch::<7>(py, poses, threads, |r, data, q, valid| {
+            let q7 = if q7.len() == 1 { &q7[..] } else { &q7[r] };
+            self.arm.solve_batch(data, q7, limits, q, valid)
+        })
     }
 
     /// The configuration over the pose nearest to `q`.
@@ -263,6 +418,43 @@ impl PyPandaClassArm {
 
 fn pair(defect: Defect) -> (f64, f64) {
     (defect.position, defect.orientation)
+}
+
+/// The eight branches of `J` joints over many poses: `solve` gets a range of the poses with its share of the memory.
+fn solve_batch<const J: usize>(
+    py: Python<'_>,
+    poses: &Bound<'_, PyAny>,
+    threads: Option<Threads>,
+    solve: impl Fn(Range<usize>, &[f64], &mut [f64], &mut [bool]) -> Result<(), Error> + Sync,
+) -> PyResult<PySolveBatch> {
+    let poses = Batch::read(poses)?;
+    let n = poses.len();
+    let (mut q, mut valid) = (Fresh::<f64, _>::new(py, [n, 8, J]), Fresh::<bool, _>::new(py, [n, 8]));
+    {
+        let (q, valid) = (q.memory()?, valid.memory()?);
+        let data = poses.as_slice()?;
+        in_blocks(py, n, BLOCK, threads, |r| {
+            let (data, valid) = (&data[r.start * 16..r.end * 16], &mut valid[r.start * 8..r.end * 8]);
+            let q = &mut q[r.start * 8 * J..r.end * 8 * J];
+            solve(r, data, q, valid)
+        })?;
+    }
+    let (q, valid) = (q.finish().to_dyn().clone(), valid.finish().to_dyn().clone());
+    Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
+}
+
+/// Signs (shoulder, elbow, wrist) of a configuration of six joints, or of many.
+fn branch_signs<'py>(
+    py: Python<'py>,
+    q: &Bound<'py, PyAny>,
+    branch: impl Fn(&[f64]) -> Result<[i8; 3], Error>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let rows = read_rows(q, "q", &[6])?;
+    let signs = rows.as_slice()?.chunks_exact(6).map(branch).collect::<Result<Vec<_>, _>>().map_err(to_py)?;
+    match rows.batch {
+        None => Ok(PyTuple::new(py, signs[0])?.into_any()),
+        Some(n) => Ok(to_array(py, signs.as_flattened(), [n, 3])?.into_any()),
+    }
 }
 
 /// Nearest configurations over many poses to one `q` or to one each, as a `SolveBatch` of `(N, n)` and `(N,)`.

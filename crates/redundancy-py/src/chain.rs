@@ -17,15 +17,13 @@ use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
 use crate::batch::in_blocks;
 use crate::convert::{
-    Fresh, Rows, Threads, pose_to_array, read_array, read_number, read_pose, read_rows, read_vector, to_array,
+    Fresh, Gravity, Rows, STANDARD_GRAVITY, Threads, pose_to_array, read_array, read_number, read_pose,
+    read_rows, read_vector, to_array,
 };
 use crate::error::to_py;
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 16_384;
-
-/// m/s^2, world axes.
-pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
 /// An arm: joints from base to tip, limits, base and tool. Immutable.
 #[pyclass(name = "Chain", module = "redundancy", frozen, eq)]
@@ -495,7 +493,7 @@ impl PyChain {
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         qdd: &Bound<'py, PyAny>,
-        gravity: [f64; 3],
+        gravity: Gravity,
         threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (chain, dof, gravity) = (&self.chain, self.chain.dof(), Vector3::from(gravity));
@@ -527,7 +525,7 @@ impl PyChain {
         q: &Bound<'py, PyAny>,
         qd: &Bound<'py, PyAny>,
         qdd: &Bound<'py, PyAny>,
-        gravity: [f64; 3],
+        gravity: Gravity,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
         let dof = self.chain.dof();
         let q = read_vector(q, "q", Some(dof))?;

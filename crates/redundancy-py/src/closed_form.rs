@@ -8,10 +8,9 @@ use redundancy_core::solutions::{
     ClosedForm, PandaClassArm, ParallelAxesArm, SphericalWristArm, SrsArm, closed_form,
 };
 
-use crate::arms::{PyPandaClassArm, PyParallelAxesArm};
+use crate::arms::{PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
 use crate::chain::PyChain;
 use crate::error::to_py;
-use crate::ik::PySphericalWristArm;
 use crate::self_motion::PySrsArm;
 
 /// The Python object of a recognised arm, when it is of one kind.

@@ -11,7 +11,7 @@ use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
-use redundancy_core::nalgebra::{Matrix3, Rotation3};
+use redundancy_core::nalgebra::{Matrix3, Rotation3, Vector3};
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 
 use crate::error::to_py;
@@ -308,6 +308,27 @@ impl<'py> FromPyObject<'_, 'py> for Threads {
 
     fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         Integer::extract(object).map(|n| Self(n.0))
+    }
+}
+
+/// The `gravity=` of dynamics, m/s^2 along the axes of the chain's base.
+#[derive(Clone, Copy)]
+pub struct Gravity(Vector3<f64>);
+
+/// What `gravity=` is unless given.
+pub const STANDARD_GRAVITY: Gravity = Gravity(Vector3::new(0.0, 0.0, -9.81));
+
+impl From<Gravity> for Vector3<f64> {
+    fn from(gravity: Gravity) -> Self {
+        gravity.0
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Gravity {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        read_array(&object, "gravity").map(|g| Self(Vector3::from(g)))
     }
 }
 

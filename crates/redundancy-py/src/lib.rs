@@ -36,7 +36,7 @@ mod _core {
     use super::*;
 
     #[pymodule_export]
-    use arms::{PyPandaClassArm, PyParallelAxesArm};
+    use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
@@ -49,8 +49,7 @@ mod _core {
     use criterion::{PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture};
     #[pymodule_export]
     use ik::{
-        PyConfigurations, PyIkBatch, PyIkResult, PyIkSolver, PyIkTrace, PySphericalWristArm,
-        half_angle_minimum, joint_cost, sinusoid_minimum,
+        PyIkBatch, PyIkResult, PyIkSolver, PyIkTrace, half_angle_minimum, joint_cost, sinusoid_minimum,
     };
     #[pymodule_export]
     use optimum::{

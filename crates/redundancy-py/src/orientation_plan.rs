@@ -7,8 +7,8 @@ use redundancy_core::planning::{
 };
 use redundancy_core::{Error, Watch};
 
-use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::{read_rotation, to_array};
+use crate::chain::PyChain;
+use crate::convert::{Gravity, STANDARD_GRAVITY, read_rotation, to_array};
 use crate::error::to_py;
 use crate::path::PyPath;
 use crate::plan::{PyPlan, plan_initializer, plan_of};
@@ -165,7 +165,7 @@ pub fn py_plan_orientation<'py>(
     time_limit: f64,
     threads: Option<usize>,
     orientation: Option<&Bound<'py, PyAny>>,
-    gravity: [f64; 3],
+    gravity: Gravity,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyOrientationPlan>> {
     let (chain, mut speed) = read_task(chain, tool, torque_limits, velocity_limits, gravity)?;

@@ -3,8 +3,8 @@
 use pyo3::prelude::*;
 use redundancy_core::timing::{RetimeSettings, Retimed, retime};
 
-use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::read_rows;
+use crate::chain::PyChain;
+use crate::convert::{Gravity, STANDARD_GRAVITY, read_rows};
 use crate::error::to_py;
 use crate::path::PyTrajectory;
 use crate::speed::{JointLimits, read_limits};
@@ -97,7 +97,7 @@ pub fn py_retime<'py>(
     at_rest: bool,
     corner_angle: f64,
     dt: Option<f64>,
-    gravity: [f64; 3],
+    gravity: Gravity,
 ) -> PyResult<Bound<'py, PyRetimed>> {
     let chain = &chain.get().chain;
     let (joints, n) = (chain.joints(), chain.dof());

@@ -12,8 +12,8 @@ use redundancy_core::timing::{
 };
 use redundancy_core::{Error, Pose};
 
-use crate::chain::{PyChain, STANDARD_GRAVITY};
-use crate::convert::{read_pose, read_rotation, read_rows, read_vector, to_array};
+use crate::chain::PyChain;
+use crate::convert::{Gravity, STANDARD_GRAVITY, read_pose, read_rotation, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::path::PyPath;
 
@@ -226,7 +226,7 @@ pub fn read_task(
     tool: Option<&Bound<'_, PyAny>>,
     torque_limits: Option<JointLimits<'_>>,
     velocity_limits: Option<JointLimits<'_>>,
-    gravity: [f64; 3],
+    gravity: Gravity,
 ) -> PyResult<(Chain, SpeedSettings)> {
     let chain = &chain.get().chain;
     let chain = match tool {
@@ -391,7 +391,7 @@ pub fn py_max_speed<'py>(
     tool: Option<&Bound<'py, PyAny>>,
     torque_limits: Option<JointLimits<'py>>,
     velocity_limits: Option<JointLimits<'py>>,
-    gravity: [f64; 3],
+    gravity: Gravity,
     joint_limits: bool,
 ) -> PyResult<PyMaxSpeed> {
     let (chain, mut settings) = read_task(chain, tool, torque_limits, velocity_limits, gravity)?;
@@ -483,7 +483,7 @@ pub fn py_fastest_profile<'py>(
     tool: Option<&Bound<'py, PyAny>>,
     torque_limits: Option<JointLimits<'py>>,
     velocity_limits: Option<JointLimits<'py>>,
-    gravity: [f64; 3],
+    gravity: Gravity,
 ) -> PyResult<PySpeedProfile> {
     let (chain, settings) = read_task(chain, tool, torque_limits, velocity_limits, gravity)?;
     let path = &path.get().path;

@@ -73,14 +73,17 @@ pub fn watched_aside<T: Send>(
             while !running.is_finished() {
                 std::thread::park_timeout(LOOK);
                 let quiet = stopped.is_some();
-                let look = |py: Python<'_>| match py.check_signals() {
-                    Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
-                        watch.cancel();
-                        Ok(())
+                let look = |py: Python<'_>| {
+                    let asked =
+                        if quiet { py.check_signals() } else { py.check_signals().and_then(|()| report(py)) };
+                    match asked {
+                        // It may also arrive while `report` runs Python code.
+                        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
+                            watch.cancel();
+                            Ok(())
+                        }
+                        other => other,
                     }
-                    Ok(()) if quiet => Ok(()),
-                    Ok(()) => report(py),
-                    error => error,
                 };
                 if let Err(error) = Python::attach(look) {
                     watch.cancel();

@@ -4,7 +4,9 @@
 //! angles within 1e-5 of a multiple of a right angle are that multiple, so that axes meet and are parallel as they are meant to.
 //! Masses are left out except where a maker gives its own.
 
-use std::f64::consts::{PI, TAU};
+#![expect(clippy::approx_constant, reason = "the numbers are those of the published files, digit by digit")]
+
+use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -14,6 +16,7 @@ use super::dh::DhConvention;
 use super::entries::{body, limits, row};
 use super::joint::{JointKind, Limits};
 use crate::error::Result;
+use crate::joint_space::TURN;
 use crate::pose::{Pose, pose};
 
 /// No limit, for arms with a joint that turns on.
@@ -151,8 +154,8 @@ pub(super) fn xarm7() -> Result<Chain> {
         ("joint6", at([0.0, 0.0, 0.0], [1, 0, 0]), Z),
         ("joint7", at([0.076, 0.097, 0.0], [-1, 0, 0]), Z),
     ];
-    let lower = [-TAU, -2.059, -TAU, -0.19198, -TAU, -1.69297, -TAU];
-    let upper = [TAU, 2.0944, TAU, 3.927, TAU, PI, TAU];
+    let lower = [-TURN, -2.059, -TURN, -0.19198, -TURN, -1.69297, -TURN];
+    let upper = [TURN, 2.0944, TURN, 3.927, TURN, PI, TURN];
     let torque = [50.0, 50.0, 30.0, 30.0, 30.0, 20.0, 20.0];
     described("xarm7", "link_base", &joints, &limits(&lower, &upper, &[3.14; 7], &[], &torque))
         .link("link_eef", Pose::identity())

@@ -1,11 +1,10 @@
 //! Questions about units: what a path in millimetres or joints in degrees look like.
 
-use std::f64::consts::TAU;
-
 use nalgebra::Vector3;
 
 use super::chain::Chain;
 use super::joint::JointKind;
+use crate::joint_space::TURN;
 use crate::pose::Pose;
 use crate::tolerance::{DEGREE_TURNS, MILLIMETRE_REACHES};
 
@@ -70,8 +69,8 @@ impl Chain {
         let turning =
             q.iter().zip(self.joints().iter().cycle()).filter(|(_, joint)| joint.kind.is_rotational());
         let (q, joint) = turning.max_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()))?;
-        (q.abs() > DEGREE_TURNS * TAU).then(|| {
-            let (name, turns) = (&joint.name, q.abs() / TAU);
+        (q.abs() > DEGREE_TURNS * TURN).then(|| {
+            let (name, turns) = (&joint.name, q.abs() / TURN);
             format!("joint '{name}' is at {q} rad, {turns:.1} turns: are the joint positions in degrees?")
         })
     }

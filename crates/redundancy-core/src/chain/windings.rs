@@ -5,6 +5,7 @@ use crate::joint_space::{difference, nearest, wind_into, wrap};
 
 impl Chain {
     /// Writes `to - from`, turning joints the short way round.
+    #[inline]
     pub(crate) fn difference_into(&self, from: &[f64], to: &[f64], out: &mut [f64]) {
         for (i, (out, step)) in out.iter_mut().zip(self.steps()).enumerate() {
             *out = if step.rotational { difference(from[i], to[i]) } else { to[i] - from[i] };

@@ -57,6 +57,8 @@ pub struct CorrectorSettings {
     pub singular: f64,
     /// Farthest that a joint may go from where it started; infinity for no bound.
     pub travel: f64,
+    /// Whether tangents are asked for afterwards: then the steps come from the factors that these need too.
+    pub tangents: bool,
 }
 
 impl CorrectorSettings {
@@ -70,6 +72,7 @@ impl CorrectorSettings {
             last_error: 0.0,
             singular: 0.0,
             travel: f64::INFINITY,
+            tangents: false,
         }
     }
 
@@ -256,14 +259,19 @@ impl Corrector {
     /// One Newton step from `q`; its size before the bound, in the measure of the bound.
     #[inline]
     pub fn step(&mut self, q: &mut [f64], bound: StepBound) -> f64 {
-        self.least_norm(q);
+        self.least_norm(q, false);
         self.advance(q, bound)
     }
 
     /// Evaluates `q` and prepares the step; how regular J is there, see [`CorrectorSettings::singular`].
     #[inline]
-    fn least_norm(&mut self, q: &[f64]) -> f64 {
+    fn least_norm(&mut self, q: &[f64], tangents: bool) -> f64 {
         self.evaluate(q);
+        if tangents {
+            self.reduce();
+            self.null.shortest(&self.residual, &mut self.step);
+            return self.null.pivot_ratio();
+        }
         let regular = self.by_normal_equations(0.0);
         if regular < NORMAL_EQUATIONS {
             self.reduce();
@@ -344,7 +352,7 @@ impl Corrector {
         }
         let (StepBound::Length(most) | StepBound::Joint(most)) = settings.bound;
         for _ in 0..settings.steps {
-            let regular = self.least_norm(q);
+            let regular = self.least_norm(q, settings.tangents);
             if regular < settings.singular {
                 return false;
             }

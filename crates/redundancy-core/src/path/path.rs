@@ -59,7 +59,11 @@ impl Path {
     /// Fewer than two poses, an invalid pose, lengths that differ, numbers that are not finite, `s` that decreases or
     /// repeats while the pose changes, `t` that does not increase.
     pub fn new(poses: &[Pose], s: Option<&[f64]>, t: Option<&[f64]>) -> Result<Self> {
-        let poses = poses.iter().enumerate().map(|(i, pose)| checked_pose(&format!("pose {i}"), pose));
+        // Only what is refused needs its name.
+        let named = |(i, pose): (usize, &Pose)| {
+            checked_pose("pose", pose).or_else(|_| checked_pose(&format!("pose {i}"), pose))
+        };
+        let poses = poses.iter().enumerate().map(named);
         let poses = poses.collect::<Result<Vec<_>>>()?;
         Self::build(whole(Shape::Spline, poses.len()), poses, true, s, t)
     }
@@ -259,8 +263,13 @@ impl Path {
         }
         let s = s.clamp(first, last);
         // Where two pieces meet, the derivatives are those of the one that follows.
-        let next = self.pieces.partition_point(|piece| self.s[piece.outline.first] <= s);
-        let piece = &self.pieces[next.clamp(1, self.pieces.len()) - 1];
+        let piece = match &self.pieces[..] {
+            [only] => only,
+            pieces => {
+                let next = pieces.partition_point(|piece| self.s[piece.outline.first] <= s);
+                &pieces[next.clamp(1, pieces.len()) - 1]
+            }
+        };
         let [p, d, dd] = piece.position_at(s);
         let (rotation, turn, turn_change) = piece.orientation_at(s).unwrap_or_else(|| {
             let i = self.s.partition_point(|x| *x <= s).clamp(1, self.len()) - 1;

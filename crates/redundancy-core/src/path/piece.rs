@@ -96,15 +96,16 @@ impl Piece {
     }
 
     /// Position and its first two derivatives at the arc length of the path.
+    #[inline]
     pub fn position_at(&self, s: f64) -> [Vector3<f64>; 3] {
-        match (&self.positions, self.outline.shape.at(s + self.outline.shift)) {
-            (Some(spline), _) => spline.at(s),
-            (None, Some(point)) => point,
-            (None, None) => [Vector3::zeros(); 3],
+        match &self.positions {
+            Some(spline) => spline.at(s),
+            None => self.outline.shape.at(s + self.outline.shift).unwrap_or([Vector3::zeros(); 3]),
         }
     }
 
     /// Rotation, `omega` and `omega'`; `None` where the quaternions of neighbouring samples cancel or there are none.
+    #[inline]
     pub fn orientation_at(&self, s: f64) -> Option<(Rotation3<f64>, Vector3<f64>, Vector3<f64>)> {
         let [v, dv, ddv] = self.orientations.as_ref()?.at(s);
         let norm = v.norm();

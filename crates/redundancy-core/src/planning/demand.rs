@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use super::tool::{Target, ToolTask};
+use super::tool::{MOST_JOINTS, Target, ToolTask};
 use crate::chain::{Chain, JointKind};
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_finite, check_length};
@@ -178,11 +178,15 @@ pub(super) struct Demand {
     pub step_share: Vec<f64>,
     /// Largest joint steps, `n` per step.
     pub step_bound: Vec<f64>,
+    /// Whether the times come from a tool speed, not from the path.
+    pub retimed: bool,
     /// Time of each step, s, where the path has times.
     pub step_time: Option<Vec<f64>>,
     /// Position limits with the margin taken off.
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
+    /// The margin that was taken off.
+    pub margin: f64,
     /// Middle and half-width of each joint range; the width is 0 where a joint has no range.
     pub range: Vec<[f64; 2]>,
     /// Squared weights of the joints in the motion.
@@ -205,6 +209,10 @@ impl Demand {
     pub fn new(chain: &Chain, path: &Path, settings: &PlanSettings) -> Result<Self> {
         let n = chain.dof();
         settings.validate(n)?;
+        if n > MOST_JOINTS {
+            let bound = format!("at most {MOST_JOINTS}");
+            return Err(Error::OutOfRange { what: "number of joints".into(), value: n as f64, bound });
+        }
         let tool = ToolTask::new(settings.task, &settings.freedom, path.has_orientation())?;
         if tool.rows() > n {
             return Err(Error::Invalid(format!(
@@ -248,9 +256,11 @@ impl Demand {
             step_share: share,
             step_bound,
             step_time,
+            retimed: settings.tool_speed.is_some(),
             range: ranges(chain),
             lower,
             upper,
+            margin: settings.margin,
             joint_weight: weights.iter().map(|w| w * w).collect(),
             speed_weight,
             motion_weight: settings.motion_weight,
@@ -331,6 +341,37 @@ impl Demand {
             step_share: (0..steps).map(|k| sum(&self.step_share, k)).collect(),
             step_time: self.step_time.as_ref().map(|t| (0..steps).map(|k| sum(t, k)).collect()),
             step_bound,
+            ..self.clone()
+        };
+        out.row_share = out.shares_of_rows();
+        out
+    }
+
+    /// The same problem with more distance from the joint limits, where the ranges leave room for it.
+    pub fn with_margin(&self, margin: f64) -> Self {
+        let mut out = self.clone();
+        for (lower, upper) in out.lower.iter_mut().zip(&mut out.upper) {
+            if *upper - *lower > 4.0 * margin {
+                *lower += margin;
+                *upper -= margin;
+            }
+        }
+        out
+    }
+
+    /// The problem on the rows `first..end` alone, open at both ends.
+    pub fn section(&self, first: usize, end: usize) -> Self {
+        let n = self.dof();
+        let steps = first..end.saturating_sub(1).max(first);
+        let mut out = Self {
+            targets: self.targets[first..end].to_vec(),
+            index: self.index[first..end].to_vec(),
+            step_share: self.step_share[steps.clone()].to_vec(),
+            step_bound: self.step_bound[steps.start * n..steps.end * n].to_vec(),
+            step_time: self.step_time.as_ref().map(|times| times[steps].to_vec()),
+            cyclic: false,
+            first: if first == 0 { self.first.clone() } else { None },
+            last: if end == self.rows() { self.last.clone() } else { None },
             ..self.clone()
         };
         out.row_share = out.shares_of_rows();

@@ -1,6 +1,7 @@
 //! Whole paths: which configuration and which tool orientation, point by point and all at once.
 
 mod demand;
+mod explain;
 mod fill;
 mod layers;
 mod local;
@@ -9,9 +10,11 @@ mod painting;
 mod planner;
 mod pull;
 mod refine;
+mod report;
 mod search;
 mod swivel_plan;
 mod tool;
+mod verify;
 
 pub use demand::{Objective, PlanSettings};
 pub use layers::srs::settings::{SwivelChoice, SwivelPlanSettings};

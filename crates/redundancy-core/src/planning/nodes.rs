@@ -8,9 +8,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::demand::Demand;
-use super::pull::{MOST_JOINTS, Pull, Puller};
+use super::pull::{Pull, Puller, wind_into};
+use super::tool::MOST_BOUNDS;
+use crate::joint_space::windings;
 use crate::kinematics::rotation_vector;
 use crate::parallel::prelude::*;
+use crate::solutions::{Solutions, SolutionsSettings, solutions};
+use crate::tolerance::EDGE_ROUNDING;
 
 /// States over some rows of a problem.
 #[derive(Debug, Clone)]
@@ -19,21 +23,34 @@ pub(super) struct Nodes {
     pub rows: Vec<usize>,
     /// States of each, one after the other.
     pub q: Vec<Vec<f64>>,
+    /// Joints whose windings are states of their own.
+    pub wound: Vec<usize>,
     /// Rows between neighbouring layers at which carried states stop.
     stops: Vec<Vec<usize>>,
 }
 
 impl Nodes {
-    /// About `count` states over each of `rows`.
-    pub fn sample(demand: &Demand, rows: Vec<usize>, count: usize) -> Self {
+    /// About `count` states over each of `rows`. With at most one spare coordinate all but the first `look` take them from the
+    /// solutions themselves, so that no arc is too narrow to be seen.
+    pub fn over(demand: &Demand, rows: Vec<usize>, count: usize, look: usize) -> Self {
+        if look > 0
+            && let Some(q) = exact(demand, &rows)
+        {
+            return Self { wound: Vec::new(), stops: Vec::new(), rows, q };
+        }
+        Self::sample(demand, rows, count, look)
+    }
+
+    fn sample(demand: &Demand, rows: Vec<usize>, count: usize, look: usize) -> Self {
         let layers = rows.len();
-        let mut nodes = Self { stops: stops(demand, &rows), q: vec![Vec::new(); layers], rows };
+        let mut nodes =
+            Self { wound: Vec::new(), stops: stops(demand, &rows), q: vec![Vec::new(); layers], rows };
         let seeds = SEED_LAYERS.min(layers);
         let each = count.div_ceil(seeds);
         let work: Vec<(usize, usize)> = (0..seeds)
             .flat_map(|s| {
                 let layer = if seeds > 1 { s * (layers - 1) / (seeds - 1) } else { 0 };
-                (0..each).map(move |i| (layer, i))
+                (0..each).map(move |i| (layer, look * LOOK_NUMBERS + i))
             })
             .collect();
         nodes.grow(demand, &work);
@@ -41,14 +58,72 @@ impl Nodes {
         for round in 1..=REFILLS {
             let work: Vec<(usize, usize)> = (0..layers)
                 .filter(|layer| nodes.q[*layer].len() < demand.dof() * count / 2)
-                .flat_map(|layer| (0..each).map(move |i| (layer, round * each + i)))
+                .flat_map(|layer| (0..each).map(move |i| (layer, look * LOOK_NUMBERS + round * each + i)))
                 .collect();
             if work.is_empty() {
                 break;
             }
             nodes.grow(demand, &work);
         }
+        nodes.keep_given(demand);
+        nodes.merge_equal(demand);
         nodes
+    }
+
+    /// The same with the windings of a joint within its limits as states of their own.
+    pub fn with_windings(mut self, demand: &Demand, joint: usize) -> Self {
+        let n = demand.dof();
+        for (layer, q) in self.q.iter_mut().enumerate() {
+            if demand.given(self.rows[layer]).is_some() {
+                continue;
+            }
+            let mut all = Vec::with_capacity(2 * q.len());
+            for state in q.chunks_exact(n) {
+                for winding in windings(state[joint], demand.lower[joint], demand.upper[joint]) {
+                    let first = all.len();
+                    all.extend_from_slice(state);
+                    all[first + joint] = winding;
+                }
+            }
+            *q = all;
+        }
+        self.wound.push(joint);
+        self
+    }
+
+    /// States over a layer, on average.
+    pub fn width(&self, n: usize) -> usize {
+        self.q.iter().map(|q| q.len() / n).sum::<usize>().div_ceil(self.q.len().max(1))
+    }
+
+    /// Where a configuration is given there is no other one, and lines start from it.
+    fn keep_given(&mut self, demand: &Demand) {
+        for (layer, row) in self.rows.clone().into_iter().enumerate() {
+            let Some(given) = demand.given(row) else { continue };
+            let lines = self.carried(demand, &mut Puller::new(demand), layer, given.to_vec());
+            for (layer, q) in lines {
+                self.q[layer].extend(q);
+            }
+            self.q[layer] = given.to_vec();
+        }
+    }
+
+    /// Isolated solutions are found many times; one state each is enough.
+    fn merge_equal(&mut self, demand: &Demand) {
+        if demand.spare() > 0 {
+            return;
+        }
+        let n = demand.dof();
+        for q in &mut self.q {
+            let mut kept: Vec<f64> = Vec::new();
+            for q in q.chunks_exact(n) {
+                let near = |other: &[f64]| q.iter().zip(other).all(|(a, b)| (a - b).abs() < EQUAL_STATES);
+                if !kept.chunks_exact(n).any(near) {
+                    kept.extend_from_slice(q);
+                }
+            }
+            *q = kept;
+        }
     }
 
     /// Random postures at (layer, number), carried both ways.
@@ -72,18 +147,27 @@ impl Nodes {
         layer: usize,
         number: usize,
     ) -> Vec<(usize, Vec<f64>)> {
-        let mut out = Vec::new();
         let seed = demand.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ ((layer as u64) << 32) ^ number as u64;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let target = &demand.targets[self.rows[layer]];
-        let Some(q) = (0..ATTEMPTS).find_map(|_| {
+        let found = (0..ATTEMPTS).find_map(|_| {
             let mut q = posture(demand, &mut rng);
             let pull =
                 Pull { tilt: rng.random::<f64>().sqrt(), spin: 2.0 * rng.random::<f64>() - 1.0, ..Pull::FAR };
             puller.pull_far(&mut q, target, &pull).then_some(q)
-        }) else {
-            return out;
-        };
+        });
+        found.map_or_else(Vec::new, |q| self.carried(demand, puller, layer, q))
+    }
+
+    /// A state and what it becomes over the other layers, as far as it can be carried.
+    fn carried(
+        &self,
+        demand: &Demand,
+        puller: &mut Puller<'_>,
+        layer: usize,
+        q: Vec<f64>,
+    ) -> Vec<(usize, Vec<f64>)> {
+        let mut out = Vec::new();
         let carry = |puller: &mut Puller<'_>, q: &mut Vec<f64>, from: usize, to: usize| -> bool {
             let stops = &self.stops[from.min(to)];
             let count = stops.len();
@@ -114,8 +198,57 @@ impl Nodes {
     }
 }
 
+/// The states of the solutions themselves: points, or curves cut by the limits at even distances. `None` where they have
+/// more dimensions.
+fn exact(demand: &Demand, rows: &[usize]) -> Option<Vec<Vec<f64>>> {
+    let task = demand.tool.named().filter(|_| demand.spare() <= 1)?;
+    rows.par_iter()
+        .map(|row| {
+            let settings = SolutionsSettings { task, seed: demand.seed, ..SolutionsSettings::default() };
+            let all = solutions(&demand.chain, &demand.targets[*row].pose, &settings).ok()?;
+            states_of(demand, *row, all.as_ref())
+        })
+        .collect()
+}
+
+/// States on all pieces over a row.
+pub(super) fn states_of(demand: &Demand, row: usize, all: &dyn Solutions) -> Option<Vec<f64>> {
+    let n = demand.dof();
+    if let Some(given) = demand.given(row) {
+        return Some(given.to_vec());
+    }
+    let margin = demand.margin;
+    let (mut out, mut q, mut tangent) = (Vec::new(), vec![0.0; n], vec![0.0; n]);
+    let mut h = [0.0; MOST_BOUNDS];
+    for piece in 0..all.pieces() {
+        for [low, high] in all.intervals(piece, margin).ok()? {
+            let mut u = low;
+            loop {
+                all.q(piece, u, &mut q).ok()?;
+                wind_into(&mut q, demand);
+                let bounds = demand.tool.bounds();
+                let inside = bounds == 0 || {
+                    let pose = demand.chain.forward_unchecked(&q);
+                    demand.tool.bound_values(&pose, &demand.targets[row], &mut h);
+                    h[..bounds].iter().all(|h| *h >= 0.0)
+                };
+                if inside && demand.chain.within_limits(&q, EDGE_ROUNDING) {
+                    out.extend_from_slice(&q);
+                }
+                if u >= high {
+                    break;
+                }
+                all.tangent(piece, u, &mut tangent).ok()?;
+                let speed = tangent.iter().map(|t| t * t).sum::<f64>().sqrt();
+                u = (u + NODE_SPACING / speed.max(f64::MIN_POSITIVE)).min(high);
+            }
+        }
+    }
+    Some(out)
+}
+
 /// A random posture within limits; within half a turn or a metre of the middle where there are none.
-fn posture(demand: &Demand, rng: &mut ChaCha8Rng) -> Vec<f64> {
+pub(super) fn posture(demand: &Demand, rng: &mut ChaCha8Rng) -> Vec<f64> {
     let n = demand.dof();
     (0..n)
         .map(|i| {
@@ -148,6 +281,12 @@ fn stops(demand: &Demand, rows: &[usize]) -> Vec<Vec<usize>> {
         .collect()
 }
 
+/// Distance of states on a curve, rad or m.
+const NODE_SPACING: f64 = 0.1;
+/// Difference (rad or m) below which two isolated solutions are one.
+const EQUAL_STATES: f64 = 1e-3;
+/// Numbers of postures that one look may use.
+const LOOK_NUMBERS: usize = 1 << 20;
 /// Layers at which random postures are pulled onto the task.
 const SEED_LAYERS: usize = 6;
 /// Times that sparse layers are filled up.
@@ -157,4 +296,3 @@ const ATTEMPTS: usize = 3;
 /// Distance (m) and angle (rad) of the tool from one stop of a carried state to the next.
 const STOP_DISTANCE: f64 = 0.08;
 const STOP_ANGLE: f64 = 0.3;
-const _: () = assert!(MOST_JOINTS >= 8);

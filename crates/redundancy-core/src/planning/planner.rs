@@ -1,90 +1,240 @@
 //! Whole paths: any arm, any freedom, all points at once.
 //!
 //! # Method
-//! 1. **States** over a few points of the path, sampled evenly in joint space and carried from point to point ([`nodes`]).
+//! 1. **States** over a few points of the path, sampled evenly in joint space and carried from point to point
+//!    ([`nodes`](super::nodes)).
 //! 2. **Search** by dynamic programming over all pairs of neighbouring states, with the joint speeds as limits; a
-//!    handful of lines that differ ([`search`]). Steps that turn out not to be connected are taken out, and the search is
-//!    repeated.
-//! 3. **Refinement** of each line on more points, of the best ones on all of them, to a local optimum ([`refine`]).
-//! 4. **Verification** of what is returned.
+//!    handful of lines that differ ([`search`](super::search)). Steps that turn out not to be connected are taken out, and the
+//!    search is repeated.
+//! 3. **Refinement** of each line on more points, of the best ones on all of them, to a local optimum
+//!    ([`refine`](super::refine)).
+//! 4. **Verification** of what is returned ([`verify`](super::verify)).
+//!
+//! Where no legal line comes out, all of it is done again with more states over more points. Where none comes out in the
+//! end, the same search counts reconfigurations, and the reason is looked for ([`explain`](super::explain)).
 
 use super::demand::{Demand, Objective, PlanSettings};
+use super::explain;
 use super::fill::fill;
 use super::nodes::Nodes;
 use super::refine::{Goal, Refined, Refinement, refine};
+use super::report::{self, Outcome};
 use super::search::{Line, Search};
+use super::verify;
 use crate::chain::Chain;
 use crate::error::Result;
 use crate::parallel::prelude::*;
-use crate::path::{Path, Plan, PlanBuilder, TimingSettings, Trajectory, times_within_limits};
-use crate::status::Status;
-use crate::tolerance::FREE_SPEED;
+use crate::path::{Path, Plan};
 use crate::watch::Watch;
 
 /// Plans a path for any chain, with any freedom of the tool.
+///
+/// ```
+/// use redundancy_core::{Status, Watch, chain::catalog, nalgebra::{Rotation3, Vector3}, path::{Circle, Path}};
+/// use redundancy_core::planning::{PlanSettings, plan};
+/// let arm = catalog::load("panda")?;
+/// let circle = Circle::new(Vector3::new(0.5, 0.0, 0.4), 0.1, 0.0, 1.0, Vector3::z())?.path(60)?;
+/// let path = circle.with_orientation(&Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))?;
+/// let plan = plan(&arm, &path, &PlanSettings::default(), &Watch::default())?;
+/// assert_eq!((plan.status(), plan.legal(), plan.rows()), (Status::Converged, Some(true), 60));
+/// # Ok::<(), redundancy_core::Error>(())
+/// ```
 ///
 /// # Errors
 /// Settings out of their range, a freedom that does not apply, ends that are not on the path, a closed plan of an open
 /// path.
 pub fn plan(chain: &Chain, path: &Path, settings: &PlanSettings, watch: &Watch) -> Result<Plan> {
     let demand = Demand::new(chain, path, settings)?;
-    let line = solve(&demand, watch);
-    finish(&demand, path, line)
+    let outcome = Run { demand: &demand, watch }.solve();
+    // The end is reported, whatever came out.
+    let _ = watch.report(1.0);
+    report::plan(&demand, path, outcome)
 }
 
-/// What the planner found.
-enum Outcome {
-    Line(Box<Refined>),
-    Nothing(String),
+/// How closely is searched.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Level {
+    number: usize,
+    /// Factors of the number of points with states, and of states over each.
+    layers: usize,
+    states: usize,
 }
 
-fn solve(demand: &Demand, watch: &Watch) -> Outcome {
-    let rows = demand.even_rows(layer_count(demand));
-    let nodes = Nodes::sample(demand, rows.clone(), state_count(demand));
-    let _ = watch.report(0.2);
-    if let Some(empty) = nodes.q.iter().position(Vec::is_empty) {
-        return Outcome::Nothing(format!("no configuration was found over point {}", rows[empty]));
+/// From the first look to the last.
+const LEVELS: [Level; 4] = [
+    Level { number: 0, layers: 1, states: 1 },
+    Level { number: 1, layers: 2, states: 2 },
+    Level { number: 2, layers: 4, states: 3 },
+    Level { number: 3, layers: 8, states: 4 },
+];
+
+/// One call of the planner.
+struct Run<'a> {
+    demand: &'a Demand,
+    watch: &'a Watch,
+}
+
+/// What one level found.
+struct Found {
+    best: Option<Refined>,
+    nodes: Nodes,
+}
+
+impl Run<'_> {
+    fn solve(&self) -> Outcome {
+        let mut best: Option<Refined> = None;
+        let mut last = None;
+        for level in LEVELS {
+            let share = level.number as f64 / LEVELS.len() as f64;
+            if level.number > 0 && self.watch.report(share).is_err() {
+                break;
+            }
+            let found = self.level(level);
+            best = better(self.demand, best, found.best);
+            if let Some(line) = best.take_if(|line| line.is_legal()) {
+                return self.finished(line);
+            }
+            let saturated = found.nodes.rows.len() == self.demand.rows() && level.number > 1;
+            last = Some(found.nodes);
+            if saturated {
+                break;
+            }
+        }
+        if let Some(why) = self.watch.interrupted() {
+            return Outcome::Interrupted(best.map(Box::new), why);
+        }
+        // A line that breaks a limit by a trifle tells less than why there is none.
+        match last {
+            Some(nodes) => explain::without_line(self.demand, nodes, self.watch),
+            None => Outcome::Nothing("no point was looked at".into()),
+        }
     }
-    let layers = demand.thinned(&rows);
-    let middle = subdivided(demand, &rows, MIDDLE_ROWS);
-    let mut search = Search::new(&layers, &nodes);
-    let lines = connected_lines(demand, &mut search, &rows, &middle);
-    let _ = watch.report(0.4);
-    if lines.is_empty() {
-        return Outcome::Nothing("no continuous line was found".into());
+
+    /// The line that is returned, repaired where it does not hold between its rows.
+    fn finished(&self, line: Refined) -> Outcome {
+        let mut line = line;
+        for _ in 0..REPAIRS {
+            let excess = verify::limit_excess(self.demand, &line.q);
+            if excess <= verify::LIMIT_ROUNDING {
+                break;
+            }
+            let tight = self.demand.with_margin(REPAIR_MARGIN * excess);
+            let how = Refinement { watch: Some(self.watch), ..Refinement::FINE };
+            match minimise(&tight, line.q.clone(), &how) {
+                Some(repaired) if repaired.is_legal() => line = repaired,
+                _ => break,
+            }
+        }
+        Outcome::Line(Box::new(line), self.watch.interrupted())
     }
-    let coarse = demand.thinned(&middle);
-    let mut refined: Vec<Refined> =
-        lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &COARSE)).collect();
-    let _ = watch.report(0.7);
-    refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
-    refined.truncate(FINE_LINES);
-    let fine: Vec<Refined> = refined
-        .into_iter()
-        .filter_map(|line| {
-            let all: Vec<usize> = (0..demand.rows()).collect();
-            let q = fill(demand, &middle, &line.q, &all).ok()?;
-            minimise(demand, q, &FINE)
-        })
-        .collect();
-    let best = fine.into_iter().min_by(|a, b| score(demand, a).total_cmp(&score(demand, b)));
-    best.map_or_else(
-        || Outcome::Nothing("the refinement failed".into()),
-        |line| Outcome::Line(Box::new(line)),
-    )
+
+    fn level(&self, level: Level) -> Found {
+        let (demand, watch) = (self.demand, self.watch);
+        let part = watch.part(
+            level.number as f64 / LEVELS.len() as f64,
+            (level.number as f64 + 1.0) / LEVELS.len() as f64,
+        );
+        let rows = demand.even_rows((layer_count(demand) * level.layers).min(MOST_LAYERS));
+        let mut nodes = Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number);
+        if nodes.q.iter().any(Vec::is_empty) || part.report(0.3).is_err() {
+            return Found { best: None, nodes };
+        }
+        let layers = demand.thinned(&rows);
+        let middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
+        let mut lines = Vec::new();
+        // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
+        for _ in 0..=MOST_WOUND {
+            let mut search = Search::new(&layers, &nodes);
+            let (connected, wound) = connected_lines(demand, &mut search, &rows, &middle, watch);
+            lines = connected;
+            match wound {
+                Some(joint) if lines.is_empty() => nodes = nodes.with_windings(demand, joint),
+                _ => break,
+            }
+        }
+        if lines.is_empty() || part.report(0.5).is_err() {
+            let best = lines.into_iter().find_map(|q| self.unrefined(&middle, &q));
+            return Found { best, nodes };
+        }
+        let coarse = demand.thinned(&middle);
+        let how = Refinement { watch: Some(watch), ..Refinement::COARSE };
+        let mut refined: Vec<Refined> =
+            lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &how)).collect();
+        refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
+        let _ = part.report(0.7);
+        let best = self.fine(&coarse, &middle, distinct(&coarse, refined));
+        Found { best, nodes }
+    }
+
+    /// The best of some lines, refined on all rows.
+    fn fine(&self, coarse: &Demand, middle: &[usize], lines: Vec<Refined>) -> Option<Refined> {
+        let demand = self.demand;
+        let all: Vec<usize> = (0..demand.rows()).collect();
+        let first = lines.first().map_or(0.0, |line| score(coarse, line));
+        let mut best: Option<Refined> = None;
+        for (k, line) in lines.into_iter().enumerate() {
+            let enough = k >= FINE_LINES || score(coarse, &line) > FINE_WINDOW * first;
+            if best
+                .as_ref()
+                .is_some_and(|best| best.is_legal() && (enough || self.watch.interrupted().is_some()))
+            {
+                break;
+            }
+            if self.watch.interrupted().is_some() {
+                best = better(demand, best, self.unrefined(middle, &line.q));
+                continue;
+            }
+            let Ok(q) = fill(demand, middle, &line.q, &all) else { continue };
+            let how = Refinement { watch: Some(self.watch), ..Refinement::FINE };
+            let line = if demand.objective == Objective::PeakSpeed {
+                fastest(demand, q, &how, &PEAK_WEIGHTS[PEAK_WEIGHTS.len() - 1..])
+            } else {
+                refine(demand, q, &how)
+            };
+            best = better(demand, best, line);
+        }
+        best
+    }
+
+    /// A line as the search left it, on all rows: what there is when time is up.
+    fn unrefined(&self, middle: &[usize], q: &[f64]) -> Option<Refined> {
+        let demand = self.demand;
+        let all: Vec<usize> = (0..demand.rows()).collect();
+        let q = fill(demand, middle, q, &all).ok()?;
+        refine(demand, q, &Refinement { iterations: 0, ..Refinement::FINE })
+    }
 }
 
-/// Lines of the search that are connected, on the rows `middle`.
+/// The lines without those that came to the same optimum as a better one.
+fn distinct(demand: &Demand, lines: Vec<Refined>) -> Vec<Refined> {
+    let rows = demand.rows() as f64;
+    let mut out: Vec<Refined> = Vec::new();
+    for line in lines {
+        let same = |other: &Refined| {
+            let square: f64 = line.q.iter().zip(&other.q).map(|(a, b)| (a - b).powi(2)).sum();
+            (square / rows).sqrt() < SAME_LINE
+        };
+        if !out.iter().any(same) {
+            out.push(line);
+        }
+    }
+    out
+}
+
+/// Lines of the search that are connected, on the rows `middle`, and a joint that winds out of its limits along others.
 fn connected_lines(
     demand: &Demand,
     search: &mut Search<'_>,
     rows: &[usize],
     middle: &[usize],
-) -> Vec<Vec<f64>> {
+    watch: &Watch,
+) -> (Vec<Vec<f64>>, Option<usize>) {
     let mut out: Vec<Vec<f64>> = Vec::new();
+    let mut wound = None;
     for _ in 0..REPEATS {
-        let lines = search.lines(LINES);
-        let filled: Vec<(Line, std::result::Result<Vec<f64>, usize>)> = (lines.into_par_iter())
+        let found = search.lines(LINES);
+        wound = found.wound.first().copied();
+        let filled: Vec<(Line, std::result::Result<Vec<f64>, usize>)> = (found.lines.into_par_iter())
             .map(|line| {
                 let filled = fill(demand, rows, &line.q, middle);
                 (line, filled)
@@ -101,22 +251,38 @@ fn connected_lines(
                 }
             }
         }
-        if total == 0 || out.len() == total {
+        if total == 0 || out.len() == total || watch.interrupted().is_some() {
             break;
         }
     }
-    out
+    (out, wound)
 }
 
 /// Refines a line towards the objective.
-fn minimise(demand: &Demand, q: Vec<f64>, how: &Refinement) -> Option<Refined> {
-    if demand.objective != Objective::PeakSpeed {
-        return refine(demand, q, how);
+fn minimise(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>) -> Option<Refined> {
+    match demand.objective {
+        Objective::PeakSpeed => fastest(demand, q, how, &PEAK_WEIGHTS),
+        _ => refine(demand, q, how),
     }
-    let motion = refine(demand, q, how)?;
-    let peak = refine(demand, motion.q, &Refinement { goal: Goal::Peak, ..*how })?;
-    let cap = demand.peak_speed(&peak.q) * (1.0 + PEAK_SLACK);
-    refine(demand, peak.q, &Refinement { goal: Goal::Capped(cap), ..*how })
+}
+
+/// The least peak speed, and the least motion with it.
+fn fastest(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>, weights: &[f64]) -> Option<Refined> {
+    let mut q = q;
+    for weight in weights {
+        let goal = Goal::Peak(*weight);
+        q = refine(demand, q, &Refinement { goal, barrier: PEAK_BARRIER, slope: PEAK_SLOPE, ..*how })?.q;
+    }
+    let cap = demand.peak_speed(&q) * (1.0 + PEAK_SLACK);
+    refine(demand, q, &Refinement { goal: Goal::Capped(cap), ..*how })
+}
+
+/// The better of two lines.
+fn better(demand: &Demand, a: Option<Refined>, b: Option<Refined>) -> Option<Refined> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if score(demand, &b) < score(demand, &a) { b } else { a }),
+        (a, b) => a.or(b),
+    }
 }
 
 /// What lines are compared by: illegal ones come last.
@@ -125,7 +291,7 @@ fn score(demand: &Demand, line: &Refined) -> f64 {
         Objective::PeakSpeed => demand.peak_speed(&line.q) * (1.0 + 1e-6 * line.cost),
         _ => line.cost,
     };
-    cost + if line.violation > LEGAL { 1e9 * (1.0 + line.violation) } else { 0.0 }
+    if line.is_legal() { cost } else { ILLEGAL * (1.0 + line.violation) }
 }
 
 fn layer_count(demand: &Demand) -> usize {
@@ -145,8 +311,9 @@ fn state_count(demand: &Demand) -> usize {
     }
 }
 
-/// Every gap between `rows` cut into up to `parts`.
-fn subdivided(demand: &Demand, rows: &[usize], parts: usize) -> Vec<usize> {
+/// Every gap between `rows` cut into up to `parts`, more where there are few gaps.
+fn subdivided(demand: &Demand, rows: &[usize], parts: usize, least: usize) -> Vec<usize> {
+    let parts = parts.max(least.div_ceil(rows.len()));
     let mut out = Vec::new();
     for (k, first) in rows.iter().enumerate() {
         let end = match rows.get(k + 1) {
@@ -165,96 +332,31 @@ fn subdivided(demand: &Demand, rows: &[usize], parts: usize) -> Vec<usize> {
     out
 }
 
-fn finish(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Plan> {
-    let names: Vec<String> = demand.chain.joints().iter().map(|j| j.name.clone()).collect();
-    let line = match outcome {
-        Outcome::Line(line) => line,
-        Outcome::Nothing(reason) => {
-            let plan = PlanBuilder::without_rows(names, Status::Infeasible)?.reason(reason);
-            return plan.asking_about_units(&demand.chain, path).build();
-        }
-    };
-    let n = demand.dof();
-    let mut q = line.q.clone();
-    if demand.cyclic {
-        q.extend_from_within(..n);
-    }
-    let t = times(demand, path, &q)?;
-    let trajectory = Trajectory::new(names, t, q.clone(), None, Vec::new())?;
-    let legal = line.violation <= LEGAL;
-    let status = if !legal {
-        Status::Infeasible
-    } else if line.converged {
-        Status::Converged
-    } else {
-        Status::IterationLimit
-    };
-    let mut builder = PlanBuilder::new(trajectory, status).legal(legal).cost(demand.cost(&line.q));
-    if !legal {
-        builder = builder.reason(format!("the best line breaks a limit by {:.3e}", line.violation));
-    } else if !line.converged {
-        builder = builder.reason(format!(
-            "the refinement stopped after {} iterations with a slope of {:.1e}",
-            line.iterations, line.slope
-        ));
-    }
-    builder = builder.asking_about_units(&demand.chain, path);
-    let rows = q.len() / n;
-    let poses: Vec<_> = q.chunks_exact(n).map(|q| demand.chain.forward_unchecked(q)).collect();
-    let target = |row: usize| &demand.targets[row % demand.rows()];
-    if demand.tool.oriented() || path.has_orientation() {
-        let tilt = (0..rows).map(|row| demand.tool.tilt_of(&poses[row], target(row))).collect();
-        let mut spin: Vec<f64> = (0..rows).map(|row| demand.tool.spin_of(&poses[row], target(row))).collect();
-        for k in 1..rows {
-            spin[k] = spin[k - 1] + crate::joint_space::wrap(spin[k] - spin[k - 1]);
-        }
-        builder = builder.tilt(tilt).spin(spin);
-    }
-    builder.s(path.s().to_vec()).margin_of(&demand.chain)?.poses(poses).build()
-}
-
-fn times(demand: &Demand, path: &Path, q: &[f64]) -> Result<Vec<f64>> {
-    if let Some(steps) = &demand.step_time {
-        let first = path.t().map_or(0.0, |t| t[0]);
-        let mut t = vec![first];
-        for step in steps {
-            t.push(t[t.len() - 1] + step);
-        }
-        return Ok(t);
-    }
-    let speed = |v: f64| if v.is_finite() { v } else { FREE_SPEED };
-    let limits: Vec<f64> = demand.chain.joints().iter().map(|j| speed(j.limits.velocity)).collect();
-    times_within_limits(q, &limits, TimingSettings::default())
-}
-
-const COARSE: Refinement = Refinement {
-    goal: Goal::Cost,
-    barrier: 1e-1,
-    last_barrier: 1e-5,
-    slope: 1e-4,
-    iterations: 60,
-    deadline: None,
-};
-const FINE: Refinement = Refinement {
-    goal: Goal::Cost,
-    barrier: 1e-3,
-    last_barrier: 1e-7,
-    slope: 1e-7,
-    iterations: 100,
-    deadline: None,
-};
 /// Layers of the search, and the distance of the tool between them, m.
 const LEAST_LAYERS: usize = 32;
-const MOST_LAYERS: usize = 200;
+const MOST_LAYERS: usize = 400;
 const LAYER_DISTANCE: f64 = 0.3;
-/// Rows between layers on which lines are refined first.
+/// Rows between layers on which lines are refined first, and how many there are of them at least.
 const MIDDLE_ROWS: usize = 6;
-/// Lines that are refined on some rows, and on all.
+const LEAST_MIDDLE_ROWS: usize = 120;
+/// Lines that are refined on some rows, and on all of them where they are at most this many times the best one.
 const LINES: usize = 8;
 const FINE_LINES: usize = 2;
+const FINE_WINDOW: f64 = 1.02;
+/// Root mean square distance (rad) below which two refined lines are the same.
+const SAME_LINE: f64 = 0.02;
+/// Joints whose windings become states of their own.
+const MOST_WOUND: usize = 3;
 /// Times that the search is repeated because steps were not connected.
 const REPEATS: usize = 30;
 /// Room of the cap above the least peak speed.
 const PEAK_SLACK: f64 = 1e-3;
-/// Violation (rad or m) that rounding explains.
-const LEGAL: f64 = 1e-9;
+/// How much more the peak speed counts than the cost, step by step, the first barrier of each, and the slope at its end.
+const PEAK_WEIGHTS: [f64; 3] = [0.3, 3.0, 30.0];
+const PEAK_BARRIER: f64 = 1e-2;
+const PEAK_SLOPE: f64 = 1e-4;
+/// Score of a line that breaks a limit: above that of any that does not.
+const ILLEGAL: f64 = 1e12;
+/// Times that a line is pulled back from limits that it breaks between its rows, and by how many times the excess.
+const REPAIRS: usize = 2;
+const REPAIR_MARGIN: f64 = 2.0;

@@ -4,7 +4,7 @@
 //! it back are added; a joint beyond its limit is put onto it and held there.
 
 use super::demand::Demand;
-use super::tool::{MOST_BOUNDS, MOST_ROWS, Target};
+use super::tool::{MOST_BOUNDS, MOST_JOINTS, MOST_ROWS, Target};
 use crate::joint_space::nearest;
 use crate::kinematics::{NullSpace, Scratch};
 
@@ -85,6 +85,12 @@ impl<'a> Puller<'a> {
         self.pull(q, target, pull)
     }
 
+    /// The same without joint limits.
+    pub fn pull_free(&mut self, q: &mut [f64], target: &Target, pull: &Pull) -> bool {
+        self.held.clear();
+        self.newton(q, target, pull)
+    }
+
     fn hold_beyond(&mut self, q: &mut [f64]) {
         for i in 0..q.len() {
             let (lower, upper) = (self.demand.lower[i], self.demand.upper[i]);
@@ -141,7 +147,8 @@ impl<'a> Puller<'a> {
                 *q -= scale * d;
             }
             if length <= pull.done {
-                return true;
+                // Directions that the rows have lost do not show in the step.
+                return c.iter().all(|c| c.abs() <= LOST * pull.done);
             }
         }
         false
@@ -159,7 +166,8 @@ pub(super) fn wind_into(q: &mut [f64], demand: &Demand) {
     }
 }
 
+/// Residual, per unit of the last step, above which equations contradict each other: joints move the tool by no more than
+/// the arm's length.
+const LOST: f64 = 20.0;
 /// A joint this little outside its limit is on it, rad or m.
 const HELD_ROUNDING: f64 = 1e-12;
-/// Most joints of a chain that is planned for.
-pub(super) const MOST_JOINTS: usize = 16;

@@ -19,6 +19,19 @@ pub(super) struct Line {
     pub q: Vec<f64>,
 }
 
+/// What [`Search::lines`] finds.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lines {
+    pub lines: Vec<Line>,
+    /// Joints that wind out of their limits along lines that were left out.
+    pub wound: Vec<usize>,
+}
+
+/// Whether a joint can turn all the way round.
+pub(super) fn turns_round(demand: &Demand, joint: usize) -> bool {
+    demand.chain.steps()[joint].rotational && demand.upper[joint] - demand.lower[joint] >= TURN
+}
+
 /// The graph of states and steps.
 pub(super) struct Search<'a> {
     /// The problem on the layers.
@@ -35,9 +48,7 @@ impl<'a> Search<'a> {
     /// The graph; `demand` is the problem on the rows of `nodes`.
     pub fn new(demand: &'a Demand, nodes: &'a Nodes) -> Self {
         let n = demand.dof();
-        let round: Vec<bool> = (0..n)
-            .map(|i| demand.chain.steps()[i].rotational && demand.upper[i] - demand.lower[i] >= TURN)
-            .collect();
+        let round: Vec<bool> = (0..n).map(|i| turns_round(demand, i) && !nodes.wound.contains(&i)).collect();
         let node_cost = (nodes.q.par_iter().enumerate())
             .map(|(layer, q)| q.chunks_exact(n).map(|q| demand.row_cost(layer, q) as f32).collect())
             .collect();
@@ -59,15 +70,15 @@ impl<'a> Search<'a> {
         self.edges[step][from * width + to] = f32::INFINITY;
     }
 
-    /// Up to `count` cheapest lines that differ.
-    pub fn lines(&self, count: usize) -> Vec<Line> {
+    /// Up to `count` cheapest lines that differ, and the joints that wind out of their limits along others.
+    pub fn lines(&self, count: usize) -> Lines {
         if self.node_cost.iter().any(Vec::is_empty) {
-            return Vec::new();
+            return Lines::default();
         }
         if self.demand.cyclic { self.closed_lines(count) } else { self.open_lines(count) }
     }
 
-    fn open_lines(&self, count: usize) -> Vec<Line> {
+    fn open_lines(&self, count: usize) -> Lines {
         let layers = self.node_cost.len();
         let mut to_come = vec![self.node_cost[0].clone()];
         for step in 0..layers - 1 {
@@ -88,11 +99,11 @@ impl<'a> Search<'a> {
             .filter(|entry| entry.0.is_finite())
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let Some(best) = order.first().map(|entry| entry.0) else { return Vec::new() };
-        let mut out: Vec<Line> = Vec::new();
+        let Some(best) = order.first().map(|entry| entry.0) else { return Lines::default() };
+        let mut out = Lines::default();
         let mut seen: Vec<Vec<bool>> = (0..layers).map(|layer| vec![false; self.states(layer)]).collect();
         for (cost, layer, state) in order {
-            if out.len() >= count || cost > COST_WINDOW * best + f32::MIN_POSITIVE {
+            if out.lines.len() >= count || cost > COST_WINDOW * best + f32::MIN_POSITIVE {
                 break;
             }
             if seen[layer][state] {
@@ -105,6 +116,93 @@ impl<'a> Search<'a> {
             self.push_if_new(&mut out, states);
         }
         out
+    }
+
+    /// The cheapest line among those with the fewest jumps from state to state, open at its ends, with the layers at which it
+    /// jumps: within a layer, or between two layers that no step connects.
+    pub fn jumping_line(&self) -> Option<(Vec<usize>, Vec<Jump>)> {
+        let layers = self.node_cost.len();
+        let mut tables: Vec<Vec<Reached>> = Vec::with_capacity(layers);
+        for layer in 0..layers {
+            let costs = &self.node_cost[layer];
+            let mut table = vec![Reached::NEVER; costs.len()];
+            let mut through_gap = None;
+            match layer.checked_sub(1) {
+                None => {
+                    for (entry, cost) in table.iter_mut().zip(costs) {
+                        *entry = Reached { jumps: 0, cost: *cost, from: Arrival::Start };
+                    }
+                }
+                Some(step) => {
+                    let before = &tables[step];
+                    let width = costs.len();
+                    for (state, row) in self.edges[step].chunks_exact(width.max(1)).enumerate() {
+                        for (to, edge) in row.iter().enumerate() {
+                            if edge.is_finite() {
+                                let cost = before[state].cost + edge + costs[to];
+                                table[to].improve(before[state].jumps, cost, Arrival::Step(state));
+                            }
+                        }
+                    }
+                    through_gap = best_of(before);
+                }
+            }
+            // Either a jump to any state of this layer, or one over the gap before it.
+            if let Some(best) = best_of(&table) {
+                let Reached { jumps, cost, .. } = table[best];
+                for state in 0..table.len() {
+                    table[state].improve(jumps + 1, cost + costs[state], Arrival::Within(best));
+                }
+            } else if let (Some(best), Some(step)) = (through_gap, layer.checked_sub(1)) {
+                let Reached { jumps, cost, .. } = tables[step][best];
+                for state in 0..table.len() {
+                    table[state].improve(jumps + 1, cost + costs[state], Arrival::Gap(best));
+                }
+            }
+            tables.push(table);
+        }
+        self.traced(&tables)
+    }
+
+    fn traced(&self, tables: &[Vec<Reached>]) -> Option<(Vec<usize>, Vec<Jump>)> {
+        let layers = tables.len();
+        let mut state = best_of(&tables[layers - 1])?;
+        let mut states = vec![state; layers];
+        let mut jumps = Vec::new();
+        for layer in (0..layers).rev() {
+            states[layer] = state;
+            if let Arrival::Within(before) = tables[layer][state].from {
+                jumps.push(Jump { layer, before: Some(before) });
+                state = before;
+            }
+            match tables[layer][state].from {
+                Arrival::Start => {}
+                Arrival::Step(before) => state = before,
+                Arrival::Gap(before) => {
+                    jumps.push(Jump { layer, before: None });
+                    state = before;
+                }
+                // A jump leads to a state that was reached by a step.
+                Arrival::Within(_) => return None,
+            }
+        }
+        jumps.reverse();
+        Some((states, jumps))
+    }
+
+    /// The last layer that a line without jumps comes to.
+    pub fn farthest(&self) -> usize {
+        let mut reached = vec![0.0f32; self.states(0)];
+        for step in 0..self.node_cost.len() - 1 {
+            if self.states(step + 1) == 0 {
+                return step;
+            }
+            reached = self.forward(step, &reached);
+            if reached.iter().all(|cost| !cost.is_finite()) {
+                return step;
+            }
+        }
+        self.node_cost.len() - 1
     }
 
     /// The best line through a state.
@@ -127,7 +225,7 @@ impl<'a> Search<'a> {
     }
 
     /// Lines that end in the state in which they began.
-    fn closed_lines(&self, count: usize) -> Vec<Line> {
+    fn closed_lines(&self, count: usize) -> Lines {
         let layers = self.node_cost.len();
         let found: Vec<(f32, Vec<usize>)> = (0..self.states(0))
             .into_par_iter()
@@ -158,9 +256,9 @@ impl<'a> Search<'a> {
             .collect();
         let mut order: Vec<usize> = (0..found.len()).collect();
         order.sort_by(|a, b| found[*a].0.total_cmp(&found[*b].0).then(a.cmp(b)));
-        let mut out = Vec::new();
+        let mut out = Lines::default();
         for i in order {
-            if out.len() >= count {
+            if out.lines.len() >= count {
                 break;
             }
             self.push_if_new(&mut out, found[i].1.clone());
@@ -169,8 +267,16 @@ impl<'a> Search<'a> {
     }
 
     /// Adds a line that lies within its limits and away from the others.
-    fn push_if_new(&self, out: &mut Vec<Line>, states: Vec<usize>) {
-        let Some(q) = self.unwound(&states) else { return };
+    fn push_if_new(&self, out: &mut Lines, states: Vec<usize>) {
+        let q = match self.unwound(&states) {
+            Ok(q) => q,
+            Err(joint) => {
+                if !out.wound.contains(&joint) {
+                    out.wound.push(joint);
+                }
+                return;
+            }
+        };
         let layers = states.len() as f64;
         let apart = |other: &Line| {
             let square: f64 = (q.iter().zip(&other.q).enumerate())
@@ -178,8 +284,8 @@ impl<'a> Search<'a> {
                 .sum();
             (square / layers).sqrt() > APART
         };
-        if out.iter().all(apart) {
-            out.push(Line { states, q });
+        if out.lines.iter().all(apart) {
+            out.lines.push(Line { states, q });
         }
     }
 
@@ -187,8 +293,8 @@ impl<'a> Search<'a> {
         if self.round[joint] { wrap(d) } else { d }
     }
 
-    /// Configurations of a line with continuous windings inside the limits.
-    fn unwound(&self, states: &[usize]) -> Option<Vec<f64>> {
+    /// Configurations of a line with continuous windings inside the limits; the joint that leaves them.
+    fn unwound(&self, states: &[usize]) -> Result<Vec<f64>, usize> {
         let n = self.demand.dof();
         let mut q = Vec::with_capacity(states.len() * n);
         for (layer, state) in states.iter().enumerate() {
@@ -211,7 +317,7 @@ impl<'a> Search<'a> {
             if self.demand.cyclic {
                 let (first, last) = (q[i], q[q.len() - n + i]);
                 if (first - last).abs() > std::f64::consts::PI {
-                    return None;
+                    return Err(i);
                 }
             }
             let given = self.demand.first.is_some() || self.demand.last.is_some();
@@ -220,10 +326,10 @@ impl<'a> Search<'a> {
             q.iter_mut().skip(i).step_by(n).for_each(|q| *q -= off);
             let (least, most) = (least - off, most - off);
             if least < self.demand.lower[i] - WINDING_SLACK || most > self.demand.upper[i] + WINDING_SLACK {
-                return None;
+                return Err(i);
             }
         }
-        Some(q)
+        Ok(q)
     }
 
     fn forward(&self, step: usize, come: &[f32]) -> Vec<f32> {
@@ -249,6 +355,48 @@ impl<'a> Search<'a> {
             .map(|row| row.iter().zip(&rest).fold(f32::INFINITY, |least, (a, b)| least.min(a + b)))
             .collect()
     }
+}
+
+/// A place where a line jumps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Jump {
+    /// The layer at which the line goes on.
+    pub layer: usize,
+    /// The state of the same layer from which it jumps; `None` where it jumps over the gap before the layer.
+    pub before: Option<usize>,
+}
+
+/// How a state is reached with the fewest jumps.
+#[derive(Debug, Clone, Copy)]
+struct Reached {
+    jumps: u32,
+    cost: f32,
+    from: Arrival,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Arrival {
+    Start,
+    Step(usize),
+    Within(usize),
+    Gap(usize),
+}
+
+impl Reached {
+    const NEVER: Self = Self { jumps: u32::MAX, cost: f32::INFINITY, from: Arrival::Start };
+
+    fn improve(&mut self, jumps: u32, cost: f32, from: Arrival) {
+        if cost.is_finite() && (jumps < self.jumps || (jumps == self.jumps && cost < self.cost)) {
+            *self = Self { jumps, cost, from };
+        }
+    }
+}
+
+fn best_of(table: &[Reached]) -> Option<usize> {
+    let reached = table.iter().enumerate().filter(|(_, entry)| entry.cost.is_finite());
+    reached
+        .min_by(|(_, a), (_, b)| a.jumps.cmp(&b.jumps).then(a.cost.total_cmp(&b.cost)))
+        .map(|(state, _)| state)
 }
 
 /// Costs of all steps between two layers.

@@ -125,6 +125,19 @@ impl ToolTask {
         Self { orientation, cone, spin, ..self }
     }
 
+    /// The task by name that asks for the same equations; `None` where the tool may lean.
+    pub fn named(&self) -> Option<Task> {
+        match (self.position, self.orientation) {
+            _ if self.cone.is_some() => None,
+            (PositionRows::Space, OrientationRows::Open) => Some(Task::POSITION),
+            (PositionRows::Space, OrientationRows::Full) => Some(Task::POSE),
+            (PositionRows::Space, OrientationRows::Axis) => Task::pointing((*self.axis).into()).ok(),
+            (PositionRows::Plane, OrientationRows::Open) => Some(Task::PLANAR),
+            (PositionRows::Plane, OrientationRows::Heading) => Some(Task::PLANAR_POSE),
+            _ => None,
+        }
+    }
+
     /// Number of equations.
     pub fn rows(&self) -> usize {
         let position = if self.position == PositionRows::Space { 3 } else { 2 };
@@ -156,21 +169,46 @@ impl ToolTask {
         }
     }
 
+    /// The equations `c` (tool minus target) alone.
+    #[inline]
+    pub fn write_values(&self, pose: &Pose, target: &Target, c: &mut [f64]) {
+        let d = pose.translation.vector - target.pose.translation.vector;
+        let p = if self.position == PositionRows::Space { 3 } else { 2 };
+        c[..p].copy_from_slice(&d.as_slice()[..p]);
+        match self.orientation {
+            OrientationRows::Open => {}
+            OrientationRows::Full => {
+                let e = rotation_vector(&(pose.rotation * target.pose.rotation.inverse()));
+                c[p..p + 3].copy_from_slice(e.as_slice());
+            }
+            OrientationRows::Axis => {
+                let a = pose.rotation * *self.axis;
+                let [u, w, d] = columns(&target.frame);
+                (c[p], c[p + 1]) = (u.dot(&a), w.dot(&a));
+                if a.dot(&d) < 0.0 {
+                    // Beyond a right angle the sines fall again: there the angle and its direction count.
+                    let along = across(&d, &a, &u).cross(&d);
+                    let angle = a.angle(&d);
+                    (c[p], c[p + 1]) = (along.dot(&u) * angle, along.dot(&w) * angle);
+                }
+            }
+            OrientationRows::Twist => c[p] = self.spin_of(pose, target),
+            OrientationRows::Heading => c[p] = wrap(heading(pose) - heading(&target.pose)),
+        }
+    }
+
     /// The equations `c` (tool minus target) and their Jacobian, column by column.
     #[inline]
     pub fn linearise(&self, at: &Kinematics<'_>, target: &Target, c: &mut [f64], jacobian: &mut [f64]) {
         let rows = self.rows();
-        let d = at.pose().translation.vector - target.pose.translation.vector;
         let p = if self.position == PositionRows::Space { 3 } else { 2 };
-        c[..p].copy_from_slice(&d.as_slice()[..p]);
+        self.write_values(at.pose(), target, c);
         for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
             column[..p].copy_from_slice(&at.linear(j).as_slice()[..p]);
         }
         match self.orientation {
             OrientationRows::Open => {}
             OrientationRows::Full => {
-                let e = rotation_vector(&(at.pose().rotation * target.pose.rotation.inverse()));
-                c[p..p + 3].copy_from_slice(e.as_slice());
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
                     column[p..p + 3].copy_from_slice(at.angular(j).as_slice());
                 }
@@ -178,39 +216,28 @@ impl ToolTask {
             OrientationRows::Axis => {
                 let a = at.pose().rotation * *self.axis;
                 let [u, w, d] = columns(&target.frame);
-                (c[p], c[p + 1]) = (u.dot(&a), w.dot(&a));
+                let far = a.dot(&d) < 0.0;
+                let across = if far { across(&d, &a, &u) } else { d };
+                let along = across.cross(&d);
+                let (s, t) = (along.dot(&u), along.dot(&w));
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
-                    let da = at.angular(j).cross(&a);
-                    (column[p], column[p + 1]) = (u.dot(&da), w.dot(&da));
-                }
-                if a.dot(&d) < 0.0 {
-                    // Beyond a right angle the sines fall again: there the angle and its direction count.
-                    let across = d.cross(&a);
-                    let across = if across.norm() > 1e-9 { across.normalize() } else { u };
-                    let angle = a.angle(&d);
-                    let along = across.cross(&d);
-                    let (s, t) = (along.dot(&u), along.dot(&w));
-                    (c[p], c[p + 1]) = (s * angle, t * angle);
-                    for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
-                        let w_j = at.angular(j);
+                    let w_j = at.angular(j);
+                    (column[p], column[p + 1]) = if far {
                         let (turn, side) = (across.dot(&w_j), d.dot(&w_j));
-                        (column[p], column[p + 1]) = (s * turn - t * side, t * turn + s * side);
-                    }
+                        (s * turn - t * side, t * turn + s * side)
+                    } else {
+                        let da = w_j.cross(&a);
+                        (u.dot(&da), w.dot(&da))
+                    };
                 }
             }
             OrientationRows::Twist => {
                 let twist = self.twist(at, target);
-                c[p] = wrap(twist.angle);
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
                     column[p] = twist.gradient.dot(&at.angular(j));
                 }
             }
             OrientationRows::Heading => {
-                let heading = |pose: &Pose| {
-                    let r = pose.rotation.matrix();
-                    r[(1, 0)].atan2(r[(0, 0)])
-                };
-                c[p] = wrap(heading(at.pose()) - heading(&target.pose));
                 for (j, column) in jacobian.chunks_exact_mut(rows).enumerate() {
                     column[p] = at.angular(j).z;
                 }
@@ -224,36 +251,38 @@ impl ToolTask {
         let n = at.jacobian().ncols();
         let p = if self.position == PositionRows::Space { 3 } else { 2 };
         let force = Vector3::new(multipliers[0], multipliers[1], if p == 3 { multipliers[2] } else { 0.0 });
-        let twist = (self.orientation == OrientationRows::Twist).then(|| self.twist(at, target));
-        match self.orientation {
-            OrientationRows::Open | OrientationRows::Heading => {
-                add_symmetric(n, out, |i, j| at.angular(i).cross(&at.linear(j)).dot(&force));
-            }
+        let kind = self.orientation;
+        let moment = match kind {
+            OrientationRows::Open | OrientationRows::Heading | OrientationRows::Twist => Vector3::zeros(),
             OrientationRows::Full => {
-                let moment = Vector3::new(multipliers[p], multipliers[p + 1], multipliers[p + 2]) * 0.5;
-                add_symmetric(n, out, |i, j| {
-                    let w = at.angular(i);
-                    w.cross(&at.linear(j)).dot(&force) + w.cross(&at.angular(j)).dot(&moment)
-                });
+                Vector3::new(multipliers[p], multipliers[p + 1], multipliers[p + 2]) * 0.5
             }
             OrientationRows::Axis => {
-                let a = at.pose().rotation * *self.axis;
                 let [u, w, _] = columns(&target.frame);
-                let moment = u * multipliers[p] + w * multipliers[p + 1];
-                add_symmetric(n, out, |i, j| {
-                    let (w_i, w_j) = (at.angular(i), at.angular(j));
-                    w_i.cross(&at.linear(j)).dot(&force) + w_i.cross(&w_j.cross(&a)).dot(&moment)
-                });
+                u * multipliers[p] + w * multipliers[p + 1]
             }
-            OrientationRows::Twist => {
-                let multiplier = multipliers[p];
-                if let Some(twist) = twist {
-                    add_symmetric(n, out, |i, j| {
-                        at.angular(i).cross(&at.linear(j)).dot(&force)
-                            + multiplier * twist.second(&at.angular(i), &at.angular(j))
-                    });
-                }
+        };
+        let a = at.pose().rotation * *self.axis;
+        let pointing = kind == OrientationRows::Axis;
+        // (w_i x v_j) . f = v_j . (f x w_i): the products with i alone come first.
+        let mut before = [(Vector3::zeros(), Vector3::zeros()); MOST_JOINTS];
+        for (i, before) in before.iter_mut().enumerate().take(n) {
+            let w = at.angular(i);
+            *before = (force.cross(&w), moment.cross(&w));
+        }
+        for j in 0..n {
+            let (v, w) = (at.linear(j), at.angular(j));
+            let turned = if pointing { w.cross(&a) } else { w };
+            for (i, (force, moment)) in before.iter().enumerate().take(j + 1) {
+                // A rotation vector has no second derivative along one joint.
+                let turn = if i < j || pointing { turned.dot(moment) } else { 0.0 };
+                add_pair(n, out, i, j, v.dot(force) + turn);
             }
+        }
+        if kind == OrientationRows::Twist {
+            let twist = self.twist(at, target);
+            let multiplier = multipliers[p];
+            add_symmetric(n, out, |i, j| multiplier * twist.second(&at.angular(i), &at.angular(j)));
         }
     }
 
@@ -313,7 +342,12 @@ impl ToolTask {
             let a = at.pose().rotation * *self.axis;
             let d: Vector3<f64> = target.frame.column(2).into();
             let weight = weights[0] / (1.0 - cone.cos());
-            add_symmetric(n, out, |i, j| weight * at.angular(i).cross(&at.angular(j).cross(&a)).dot(&d));
+            for j in 0..n {
+                let turned = at.angular(j).cross(&a) * weight;
+                for i in 0..=j {
+                    add_pair(n, out, i, j, d.cross(&at.angular(i)).dot(&turned));
+                }
+            }
             next = 1;
         }
         if let Some(spin) = self.spin {
@@ -354,10 +388,7 @@ impl ToolTask {
             }
             OrientationRows::Axis => tilt,
             OrientationRows::Twist => self.spin_of(pose, target).abs(),
-            OrientationRows::Heading => {
-                let turn = pose.rotation * target.pose.rotation.inverse();
-                turn.matrix()[(1, 0)].atan2(turn.matrix()[(0, 0)]).abs()
-            }
+            OrientationRows::Heading => wrap(heading(pose) - heading(&target.pose)).abs(),
         };
         if let Some(cone) = self.cone {
             orientation = orientation.max(tilt - cone);
@@ -491,6 +522,19 @@ fn relative(pose: &Pose, target: &Target) -> UnitQuaternion<f64> {
     target.quaternion.inverse() * UnitQuaternion::from_rotation_matrix(&pose.rotation)
 }
 
+/// Direction about which the tool axis `a` is turned away from `d`; `u` where that is undefined.
+fn across(d: &Vector3<f64>, a: &Vector3<f64>, u: &Vector3<f64>) -> Vector3<f64> {
+    let across = d.cross(a);
+    let norm = across.norm();
+    if norm > 1e-9 { across / norm } else { *u }
+}
+
+/// Angle of the tool's x axis about the world's z.
+fn heading(pose: &Pose) -> f64 {
+    let r = pose.rotation.matrix();
+    r[(1, 0)].atan2(r[(0, 0)])
+}
+
 fn columns(m: &Matrix3<f64>) -> [Vector3<f64>; 3] {
     [m.column(0).into(), m.column(1).into(), m.column(2).into()]
 }
@@ -500,14 +544,159 @@ fn columns(m: &Matrix3<f64>) -> [Vector3<f64>; 3] {
 fn add_symmetric(n: usize, out: &mut [f64], f: impl Fn(usize, usize) -> f64) {
     for i in 0..n {
         for j in i..n {
-            let value = f(i, j);
-            out[i * n + j] += value;
-            if i != j {
-                out[j * n + i] += value;
-            }
+            add_pair(n, out, i, j, f(i, j));
         }
     }
 }
 
+/// Adds a value to an entry and to its mirror image.
+#[inline(always)]
+fn add_pair(n: usize, out: &mut [f64], i: usize, j: usize, value: f64) {
+    out[i * n + j] += value;
+    if i != j {
+        out[j * n + i] += value;
+    }
+}
+
+/// Most joints of a chain that is planned for.
+pub(super) const MOST_JOINTS: usize = 16;
 /// Least `w^2 + x^2` that a twist is divided by: half a turn of swing, where the twist is undefined.
 const TWIST_FLOOR: f64 = 1e-9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::catalog;
+    use crate::kinematics::Scratch;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const STEP: f64 = 1e-4;
+
+    fn tasks() -> Vec<ToolTask> {
+        let axis = [0.3, -0.2, 0.9];
+        let freedom = |half_angle, spin| ToolFreedom::new(half_angle, spin, axis);
+        let free = SpinFreedom::Free;
+        let mut out = Vec::new();
+        for (half_angle, spin) in [
+            (0.0, SpinFreedom::Within(0.0)),
+            (0.0, free),
+            (0.0, SpinFreedom::Within(0.7)),
+            (0.4, SpinFreedom::Within(0.0)),
+            (0.4, SpinFreedom::Within(0.7)),
+            (0.4, free),
+        ] {
+            out.extend(freedom(half_angle, spin).and_then(|f| ToolTask::new(None, &f, true)));
+        }
+        out.extend(ToolTask::new(None, &ToolFreedom::NONE, false));
+        assert_eq!(out.len(), 7);
+        out
+    }
+
+    /// A configuration on the task of a target, and a direction in joint space.
+    fn drawn(rng: &mut ChaCha8Rng, task: &ToolTask) -> (Vec<f64>, Vec<f64>, Target) {
+        let chain = arm();
+        let q: Vec<f64> = (0..7).map(|_| rng.random_range(-2.0..2.0)).collect();
+        let d: Vec<f64> = (0..7).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let mut pose = chain.forward_unchecked(&q);
+        let turn = |rng: &mut ChaCha8Rng, size: f64| {
+            Rotation3::from_scaled_axis(Vector3::from_fn(|_, _| rng.random_range(-size..size)))
+        };
+        // What is free is away from the target, what is not is on it.
+        let spin = Rotation3::from_axis_angle(&task.axis, rng.random_range(-0.6..0.6));
+        pose.rotation = match task.orientation {
+            OrientationRows::Open => pose.rotation * turn(rng, 0.2),
+            OrientationRows::Axis => pose.rotation * spin,
+            OrientationRows::Twist => {
+                let across = axis_onto_z(&task.axis) * Vector3::new(0.2, -0.15, 0.0);
+                pose.rotation * Rotation3::from_scaled_axis(across)
+            }
+            OrientationRows::Full | OrientationRows::Heading => pose.rotation,
+        };
+        (q, d, task.target(&pose))
+    }
+
+    fn arm() -> crate::chain::Chain {
+        match catalog::load("panda") {
+            Ok(chain) => chain,
+            Err(error) => unreachable!("{error}"),
+        }
+    }
+
+    fn moved(q: &[f64], d: &[f64], t: f64) -> Vec<f64> {
+        q.iter().zip(d).map(|(q, d)| q + t * d).collect()
+    }
+
+    #[test]
+    fn equations_and_bounds_have_the_derivatives_that_they_claim() {
+        let chain = arm();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut scratch = Scratch::new(&chain);
+        for task in tasks() {
+            let (rows, bounds) = (task.rows(), task.bounds());
+            for _ in 0..100 {
+                let (q, d, target) = drawn(&mut rng, &task);
+                let mut c = vec![0.0; rows];
+                let mut jacobian = vec![0.0; rows * 7];
+                let mut at =
+                    |q: &[f64], c: &mut [f64], jacobian: &mut [f64], h: &mut [f64], g: &mut [f64]| {
+                        let kinematics = chain.kinematics_unchecked(q, &mut scratch);
+                        task.linearise(&kinematics, &target, c, jacobian);
+                        task.write_bounds(&kinematics, &target, h, g);
+                    };
+                let (mut h, mut g) = ([0.0; MOST_BOUNDS], vec![0.0; 7 * MOST_BOUNDS]);
+                at(&q, &mut c, &mut jacobian, &mut h, &mut g);
+                assert!(c.iter().all(|c| c.abs() < 1e-12), "{task:?} {c:?}");
+                let (mut c1, mut c2) = (c.clone(), c.clone());
+                let (mut h1, mut h2) = (h, h);
+                let (mut rest, mut rest_g) = (jacobian.clone(), g.clone());
+                at(&moved(&q, &d, STEP), &mut c1, &mut rest, &mut h1, &mut rest_g);
+                at(&moved(&q, &d, -STEP), &mut c2, &mut rest, &mut h2, &mut rest_g);
+                let kinematics = chain.kinematics_unchecked(&q, &mut scratch);
+                for r in 0..rows {
+                    let slope: f64 = (0..7).map(|i| jacobian[i * rows + r] * d[i]).sum();
+                    assert!((slope - (c1[r] - c2[r]) / (2.0 * STEP)).abs() < 1e-6, "{task:?} row {r}");
+                    let mut multipliers = [0.0; MOST_ROWS];
+                    multipliers[r] = 1.0;
+                    let mut hessian = vec![0.0; 49];
+                    task.add_curvature(&kinematics, &target, &multipliers, &mut hessian);
+                    let second = (c1[r] - 2.0 * c[r] + c2[r]) / (STEP * STEP);
+                    assert!((quadratic(&hessian, &d) - second).abs() < 2e-5, "{task:?} row {r}");
+                }
+                for b in 0..bounds {
+                    let slope: f64 = (0..7).map(|i| g[b * 7 + i] * d[i]).sum();
+                    assert!((slope - (h1[b] - h2[b]) / (2.0 * STEP)).abs() < 1e-5, "{task:?} bound {b}");
+                    let mut weights = [0.0; MOST_BOUNDS];
+                    weights[b] = 1.0;
+                    let mut hessian = vec![0.0; 49];
+                    task.add_bound_curvature(&kinematics, &target, &weights, &mut hessian);
+                    let second = (h1[b] - 2.0 * h[b] + h2[b]) / (STEP * STEP);
+                    assert!((quadratic(&hessian, &d) - second).abs() < 1e-4, "{task:?} bound {b}");
+                }
+            }
+        }
+    }
+
+    fn quadratic(hessian: &[f64], d: &[f64]) -> f64 {
+        (0..7).map(|i| (0..7).map(|j| d[i] * hessian[i * 7 + j] * d[j]).sum::<f64>()).sum()
+    }
+
+    #[test]
+    fn tilt_and_spin_are_the_two_parts_of_the_rotation() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let Ok(freedom) = ToolFreedom::new(0.3, SpinFreedom::Free, [0.0, 0.0, 1.0]) else { return };
+        let Ok(task) = ToolTask::new(None, &freedom, true) else { return };
+        for _ in 0..200 {
+            let (tilt, spin) =
+                ([rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)], rng.random_range(-3.0..3.0));
+            let path = Rotation3::from_scaled_axis(Vector3::from_fn(|_, _| rng.random_range(-2.0..2.0)));
+            let swing = Rotation3::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0));
+            let turned = path * swing * Rotation3::from_axis_angle(&Vector3::z_axis(), spin);
+            let at = |r: Rotation3<f64>| Pose::from_parts(nalgebra::Translation3::identity(), r);
+            let target = task.target(&at(path));
+            assert!((task.spin_of(&at(turned), &target) - spin).abs() < 1e-12);
+            let found = task.tilt_of(&at(turned), &target);
+            assert!((found[0] - tilt[0]).abs() < 1e-12 && (found[1] - tilt[1]).abs() < 1e-12);
+        }
+    }
+}

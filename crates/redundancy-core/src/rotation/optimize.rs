@@ -100,7 +100,7 @@ pub struct OrientationSettings {
     /// How to solve.
     pub method: OrientationMethod,
     /// Estimated remaining angle, rad, at which the iteration stops. `None`: [`ORIENTATION_STEP`] for Newton,
-    /// [`GRADIENT_STATIONARY`] for the gradient method.
+    /// [`GRADIENT_STATIONARY`](crate::tolerance::GRADIENT_STATIONARY) for the gradient method.
     pub tolerance: Option<f64>,
     /// Most iterations. `None`: 100 for Newton, 10 000 for the gradient method.
     pub max_iterations: Option<u32>,

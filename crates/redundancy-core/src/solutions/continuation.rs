@@ -26,7 +26,7 @@ use super::closed_form::closed_form;
 use super::curve::{SelfMotionCurve, arc, check_one_freedom, dot, from_piece, geometric, hermite, norm};
 use crate::chain::{Chain, JointKind};
 use crate::error::{Error, Result};
-use crate::kinematics::{Corrector, Task, TaskKind};
+use crate::kinematics::{Corrector, CorrectorSettings, Task, TaskKind};
 use crate::path::{Event, EventKind};
 use crate::pose::{Pose, checked_pose};
 use crate::status::Status;
@@ -241,7 +241,8 @@ impl Tracer {
                 hermite(before, past, here, now, gap, gap + h, &mut next);
             }
             let mut cosine = -1.0;
-            if self.fibre.correct(&mut next, 0.2 * h) {
+            let near = CorrectorSettings { tangents: true, ..CorrectorSettings::near(0.2 * h) };
+            if self.fibre.solve(&mut next, &near) {
                 for (t, b) in t.iter_mut().zip(self.fibre.tangent()) {
                     *t = sense * b;
                 }

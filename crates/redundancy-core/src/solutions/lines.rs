@@ -39,6 +39,7 @@ const ALONG: CorrectorSettings = CorrectorSettings {
     last_error: LINE_RESIDUAL,
     singular: LINE_SINGULAR,
     travel: f64::INFINITY,
+    tangents: false,
 };
 
 /// The line from `start` over all poses, row by row; where it ends early, the point that it does not reach and why.

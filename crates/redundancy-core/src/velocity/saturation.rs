@@ -162,6 +162,7 @@ impl SaturatedNullspace {
     }
 
     /// The null space with the wish in it, and the least joint velocity of the task; returns the degrees of redundancy.
+    #[inline(always)]
     fn split_freedom<const M: usize>(&mut self, factor: &Factor<M>, v: &[f64; M], lost: bool) -> usize {
         let (n, columns) = (self.local.chain.dof(), self.local.columns::<M>());
         let rank = match factor {
@@ -189,6 +190,7 @@ impl SaturatedNullspace {
     }
 
     /// The largest scale of the task that the bounds allow, and the closest joint velocity to the wish at that scale.
+    #[inline(always)]
     fn limited<const M: usize>(
         &mut self,
         r: usize,
@@ -229,7 +231,7 @@ impl SaturatedNullspace {
                 }
             }
             None => {
-                self.bounds.approach(columns, &v, qd);
+                self.bounds.approach(columns, v, qd);
                 self.bounds.report(qd, &mut self.active);
                 report.status = Status::Limits;
                 report.residual = distance(&times(columns, qd), v);

@@ -35,6 +35,7 @@ const MEET: CorrectorSettings = CorrectorSettings {
     last_error: LINE_RESIDUAL,
     singular: LINE_SINGULAR,
     travel: JOINT_JUMP,
+    tangents: false,
 };
 
 /// Parameters, and derivatives, at one place.

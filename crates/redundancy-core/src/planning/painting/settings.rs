@@ -15,7 +15,7 @@ pub enum SpinRange {
     Within(f64),
 }
 
-/// Settings of [`plan_orientation`].
+/// Settings of [`plan_orientation`](super::plan_orientation).
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrientationPlanSettings {
     /// Largest tilt, rad.

@@ -5,9 +5,8 @@
 //! [ G^T E ]   G: one column block of width b per row, E: b x b
 //! ```
 //!
-//! The border carries what couples to every row: the last row of a closed path, and the peak speed. A pivot block that is
-//! not positive definite is raised until it is: the step is then a descent direction, and only the rows concerned
-//! are damped.
+//! The border carries what couples to every row: the last row of a closed path, and the peak speed. Directions that cost
+//! nothing (a last joint that turns about a free tool axis) leave a pivot of rounding, which is not taken for negative.
 
 /// The system and its factors.
 #[derive(Debug, Clone)]
@@ -38,11 +37,21 @@ impl Banded {
         }
     }
 
-    /// Factors in place. Pivot blocks below `floor` are raised; returns how many rows that took.
-    pub fn factor(&mut self, floor: f64) -> usize {
+    /// Factors in place with `shift` added to the diagonal of the rows; false where it is not positive definite.
+    pub fn factor(&mut self, shift: f64, flat: f64) -> bool {
         let (r, b) = (self.r, self.b);
-        let mut raised = 0;
+        let mut size = [0.0; MOST];
+        if r > MOST || b > MOST {
+            return false;
+        }
+        let mut corner = [0.0; MOST];
+        (0..b).for_each(|i| corner[i] = self.corner[i * b + i]);
         for k in 0..self.rows {
+            for i in 0..r {
+                let entry = &mut self.diagonal[(k * r + i) * r + i];
+                *entry += shift;
+                size[i] = entry.abs();
+            }
             if k > 0 {
                 // A_k -= L_k L_k^T with L_k = B_{k-1} C_{k-1}^{-T}.
                 let (before, at) = self.diagonal.split_at_mut(k * r * r);
@@ -71,7 +80,9 @@ impl Banded {
                 }
             }
             let block = &mut self.diagonal[k * r * r..(k + 1) * r * r];
-            raised += usize::from(positive_cholesky(block, r, floor));
+            if !cholesky(block, r, &size, flat) {
+                return false;
+            }
             if b > 0 {
                 let block = &self.diagonal[k * r * r..(k + 1) * r * r];
                 let u = &mut self.border[k * r * b..(k + 1) * r * b];
@@ -86,10 +97,7 @@ impl Banded {
                 }
             }
         }
-        if b > 0 {
-            raised += usize::from(positive_cholesky(&mut self.corner, b, floor));
-        }
-        raised
+        cholesky(&mut self.corner, b, &corner, flat)
     }
 
     /// Solves in place; the right-hand side of the border stands behind that of the rows.
@@ -156,44 +164,10 @@ fn backward_solve(c: &[f64], r: usize, x: &mut [f64]) {
     }
 }
 
-/// Cholesky factor of the lower triangle in place; where the matrix has eigenvalues below `floor`, its diagonal is raised
-/// first. True where it was.
+/// Cholesky factor of the lower triangle in place; false where a pivot is negative. A pivot that is zero but for the
+/// rounding of `size` is a direction that costs nothing: it becomes `flat`.
 #[inline(always)]
-fn positive_cholesky(a: &mut [f64], r: usize, floor: f64) -> bool {
-    let mut copy = [0.0; MOST * MOST];
-    let copy = &mut copy[..r * r];
-    copy.copy_from_slice(&a[..r * r]);
-    if cholesky(a, r, floor) {
-        return false;
-    }
-    // Gershgorin: from here on every pivot is positive.
-    let mut lowest = f64::INFINITY;
-    for i in 0..r {
-        let off: f64 = (0..r)
-            .filter(|j| *j != i)
-            .map(|j| if j < i { copy[i * r + j] } else { copy[j * r + i] }.abs())
-            .sum();
-        lowest = lowest.min(copy[i * r + i] - off);
-    }
-    let most = (floor - lowest).max(floor);
-    if !most.is_finite() {
-        return true;
-    }
-    let mut raise = floor.max(1e-3 * most);
-    loop {
-        a[..r * r].copy_from_slice(copy);
-        for i in 0..r {
-            a[i * r + i] += raise;
-        }
-        if cholesky(a, r, floor) || raise > 4.0 * most {
-            return true;
-        }
-        raise *= 3.0;
-    }
-}
-
-#[inline(always)]
-fn cholesky(a: &mut [f64], r: usize, floor: f64) -> bool {
+fn cholesky(a: &mut [f64], r: usize, size: &[f64], flat: f64) -> bool {
     for i in 0..r {
         for j in 0..=i {
             let mut sum = a[i * r + j];
@@ -201,10 +175,11 @@ fn cholesky(a: &mut [f64], r: usize, floor: f64) -> bool {
                 sum -= a[i * r + m] * a[j * r + m];
             }
             if i == j {
-                if sum.is_nan() || sum <= floor {
+                let rounding = ROUNDING * size[i];
+                if sum.is_nan() || sum < -rounding {
                     return false;
                 }
-                a[i * r + i] = sum.sqrt();
+                a[i * r + i] = (if sum <= rounding { flat.max(rounding) } else { sum }).sqrt();
             } else {
                 a[i * r + j] = sum / a[j * r + j];
             }
@@ -213,8 +188,10 @@ fn cholesky(a: &mut [f64], r: usize, floor: f64) -> bool {
     true
 }
 
+/// Rounding of a pivot, relative to what it was before the elimination.
+const ROUNDING: f64 = 1e-11;
 /// Largest block.
-pub(super) const MOST: usize = 16;
+const MOST: usize = 32;
 
 #[cfg(test)]
 mod tests {
@@ -262,7 +239,7 @@ mod tests {
             }
             let rhs = DVector::from_fn(size, |i, _| (i as f64 * 0.7).sin());
             let mut x = rhs.as_slice().to_vec();
-            assert_eq!(banded.factor(1e-12), 0);
+            assert!(banded.factor(0.0, 1e-12));
             banded.solve(&mut x);
             let expected = dense.lu().solve(&rhs);
             assert!(expected.is_some_and(|e| (e - DVector::from_vec(x)).amax() < 1e-12));
@@ -270,12 +247,23 @@ mod tests {
     }
 
     #[test]
-    fn raises_what_is_not_positive() {
-        let mut banded = Banded::new(2, 1, 0);
-        banded.diagonal = vec![-1.0, 2.0];
-        assert_eq!(banded.factor(1e-3), 1);
+    fn sees_what_is_not_positive() {
+        let indefinite = || Banded { diagonal: vec![-1.0, 2.0], ..Banded::new(2, 1, 0) };
+        assert!(!indefinite().factor(0.0, 1e-6));
+        let mut shifted = indefinite();
+        assert!(shifted.factor(2.0, 1e-6));
         let mut x = vec![1.0, 1.0];
-        banded.solve(&mut x);
-        assert!(x[0] > 0.0 && (x[1] - 0.5).abs() < 1e-12);
+        shifted.solve(&mut x);
+        assert!((x[0] - 1.0).abs() < 1e-12 && (x[1] - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_flat_direction_is_left_alone() {
+        // Two rows that only know their difference.
+        let mut flat = Banded { diagonal: vec![1.0, 1.0], below: vec![-1.0], ..Banded::new(2, 1, 0) };
+        assert!(flat.factor(0.0, 1e-3));
+        let mut x = vec![1.0, -1.0];
+        flat.solve(&mut x);
+        assert!((x[0] - x[1] - 1.0).abs() < 1e-12);
     }
 }

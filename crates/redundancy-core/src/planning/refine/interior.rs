@@ -1,25 +1,15 @@
 //! The iteration: linearise, solve, search along the line, lower the barrier.
 
-use std::time::Instant;
-
-use super::super::demand::{Demand, Objective};
+use super::super::demand::Demand;
 use super::banded::Banded;
-use super::linear::{Linear, Sets, screened};
-
-/// What is minimised.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in super::super) enum Goal {
-    /// The cost.
-    Cost,
-    /// The cost, with the weighted joint speeds below a cap.
-    Capped(f64),
-    /// The largest weighted joint speed, and the cost by a little.
-    Peak,
-}
+use super::bounds::{Sets, screened};
+use super::goal::Goal;
+use super::linear::{Linear, Residual};
+use crate::watch::Watch;
 
 /// How far a refinement goes.
 #[derive(Debug, Clone, Copy)]
-pub(in super::super) struct Refinement {
+pub(in super::super) struct Refinement<'a> {
     pub goal: Goal,
     /// First barrier, as a share of the cost of a row.
     pub barrier: f64,
@@ -29,8 +19,29 @@ pub(in super::super) struct Refinement {
     pub slope: f64,
     /// Most iterations.
     pub iterations: usize,
-    /// When to stop.
-    pub deadline: Option<Instant>,
+    /// What may interrupt it.
+    pub watch: Option<&'a Watch>,
+}
+
+impl Refinement<'_> {
+    /// On some of the rows, to compare lines.
+    pub const COARSE: Self = Self {
+        goal: Goal::Cost,
+        barrier: 1e-1,
+        last_barrier: 1e-5,
+        slope: 1e-4,
+        iterations: 60,
+        watch: None,
+    };
+    /// To a local optimum.
+    pub const FINE: Self = Self {
+        goal: Goal::Cost,
+        barrier: 1e-3,
+        last_barrier: 1e-7,
+        slope: 1e-7,
+        iterations: 100,
+        watch: None,
+    };
 }
 
 /// A refined line.
@@ -48,8 +59,15 @@ pub(in super::super) struct Refined {
     pub converged: bool,
 }
 
+impl Refined {
+    /// Whether no bound is broken by more than rounding explains.
+    pub fn is_legal(&self) -> bool {
+        self.violation <= LEGAL
+    }
+}
+
 /// Refines a line that meets the equations; `None` where a row is lost.
-pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -> Option<Refined> {
+pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>) -> Option<Refined> {
     let mut sets = screened(demand, &q, how.goal);
     if demand.spare() == 0 {
         return pinned(demand, q, how, sets);
@@ -69,7 +87,7 @@ pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement) -
 }
 
 /// A line without freedom: its rows to the last digit.
-fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement, sets: Sets) -> Option<Refined> {
+fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>, sets: Sets) -> Option<Refined> {
     let linear = Linear::new(demand, how.goal, sets, q)?;
     let q = linear.exact()?;
     let (cost, violation) = (demand.cost(&q), linear.violation(&q));
@@ -78,22 +96,28 @@ fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement, sets: Sets) -> Option<
 
 struct Interior<'a> {
     demand: &'a Demand,
-    how: &'a Refinement,
+    how: &'a Refinement<'a>,
     linear: Linear<'a>,
     /// Barrier per unit of the cost of a row.
     unit: f64,
     mu: f64,
-    penalty: f64,
+    /// Pairs of merit and infeasibility that later points have to beat in one of them.
+    filter: Vec<[f64; 2]>,
+    /// Infeasibility at the start.
+    first_infeasibility: f64,
+    /// Last damping that was needed.
+    shift: f64,
 }
 
 impl<'a> Interior<'a> {
-    fn new(demand: &'a Demand, q: Vec<f64>, how: &'a Refinement, sets: Sets) -> Option<Self> {
+    fn new(demand: &'a Demand, q: Vec<f64>, how: &'a Refinement<'a>, sets: Sets) -> Option<Self> {
         let mut linear = Linear::new(demand, how.goal, sets, q)?;
         let cost = linear.objective();
         let unit = cost.abs().max(f64::MIN_POSITIVE) / demand.rows() as f64;
         let mu = (how.barrier * unit).max(how.last_barrier * unit);
         linear.start(mu);
-        Some(Self { demand, how, linear, unit, mu, penalty: 0.0 })
+        let first_infeasibility = linear.merit(mu)[1];
+        Some(Self { demand, how, linear, unit, mu, filter: Vec::new(), first_infeasibility, shift: 0.0 })
     }
 
     fn run(mut self, before: usize) -> Option<Refined> {
@@ -102,36 +126,37 @@ impl<'a> Interior<'a> {
         let mut converged = false;
         let mut stalled = 0;
         while iterations < self.how.iterations {
-            if self.how.deadline.is_some_and(|at| Instant::now() >= at) {
+            if self.how.watch.is_some_and(|watch| watch.interrupted().is_some()) {
                 break;
             }
             let mut system = self.linear.linearise(self.mu);
             let residual = self.linear.residual(self.mu);
             let force = self.linear.force();
-            let tight = residual.slope <= self.how.slope * force && residual.infeasibility <= INFEASIBILITY;
-            if self.mu <= last && tight && residual.gap <= GAP * self.mu.max(last) {
-                converged = true;
+            converged = self.is_done(&residual, last);
+            if converged {
                 break;
             }
             let loose = residual.slope <= LOOSE * force && residual.gap <= LOOSE_GAP * self.mu;
             if self.mu > last && loose {
-                self.mu = self.lowered(last);
+                self.lower(last);
                 system = self.linear.linearise(self.mu);
             }
             iterations += 1;
-            let floor = self.linear.floor();
-            system.factor(floor);
+            let system = self.factored(system)?;
             let improved = self.step(&system)?;
             stalled = if improved { 0 } else { stalled + 1 };
             if stalled >= STALLS {
                 if self.mu <= last {
                     break;
                 }
-                self.mu = self.lowered(last);
+                self.lower(last);
             }
         }
-        let residual = self.linear.residual(self.mu);
-        let (slope, force) = (residual.slope, self.linear.force());
+        if !converged {
+            self.linear.linearise(self.mu);
+            converged = self.is_done(&self.linear.residual(self.mu), last);
+        }
+        let (slope, force) = (self.linear.residual(self.mu).slope, self.linear.force());
         let q = self.linear.exact()?;
         let violation = self.linear.violation(&q);
         Some(Refined {
@@ -142,6 +167,32 @@ impl<'a> Interior<'a> {
             iterations,
             converged,
         })
+    }
+
+    /// Whether the conditions of an optimum hold closely enough, with the last barrier.
+    fn is_done(&self, residual: &Residual, last: f64) -> bool {
+        self.mu <= last
+            && residual.slope <= self.how.slope * self.linear.force()
+            && residual.infeasibility <= INFEASIBILITY
+            && residual.gap <= GAP * self.mu
+    }
+
+    /// The factored system, with as much damping as makes it positive definite.
+    fn factored(&mut self, system: Banded) -> Option<Banded> {
+        let stiffness = self.linear.stiffness();
+        let (least, flat) = (LEAST_SHIFT * stiffness, FLAT * stiffness);
+        let mut shift = 0.0;
+        for _ in 0..SHIFTS {
+            let mut factors = system.clone();
+            if factors.factor(shift, flat) {
+                if shift > 0.0 {
+                    self.shift = shift;
+                }
+                return Some(factors);
+            }
+            shift = if shift == 0.0 { (self.shift / SHIFT_FALL).max(least) } else { shift * SHIFT_RISE };
+        }
+        None
     }
 
     fn lowered(&self, last: f64) -> f64 {
@@ -157,15 +208,40 @@ impl<'a> Interior<'a> {
             return None;
         }
         let direction = self.linear.direction(&x, self.mu);
-        self.penalty = self.penalty.max(direction.penalty);
-        let start = self.linear.merit(self.mu, self.penalty);
-        let slope = direction.slope - self.penalty * direction.infeasibility;
+        let [merit, infeasibility] = self.linear.merit(self.mu);
+        let scale = self.first_infeasibility.max(1.0);
+        let noise = ROUNDING * merit.abs().max(self.unit);
         let mut alpha = direction.longest;
         for _ in 0..HALVINGS {
-            if let Some(trial) = self.linear.trial(&direction, alpha, self.mu, self.penalty) {
-                let noise = ROUNDING * start.abs().max(self.unit);
-                if trial.merit <= start + ARMIJO * alpha * slope.min(0.0) + noise {
-                    let gained = trial.merit < start - noise || alpha * direction.size > STANDSTILL;
+            if let Some(trial) = self.linear.trial(&direction, alpha, self.mu) {
+                let fall = -alpha * direction.slope;
+                // Where bounds hold well enough, the objective decides.
+                let descent = fall > 0.0
+                    && infeasibility <= SMALL_INFEASIBILITY * scale
+                    && alpha * (-direction.slope / self.unit).powf(FALL_POWER)
+                        > (infeasibility / scale).powf(INFEASIBILITY_POWER);
+                let better = |[m, t]: [f64; 2]| {
+                    trial.infeasibility <= (1.0 - FILTER_SHARE) * t
+                        || trial.merit <= m - FILTER_SHARE * t + noise
+                };
+                let good = if descent {
+                    trial.merit <= merit - ARMIJO * fall + noise
+                } else {
+                    better([merit, infeasibility])
+                };
+                let large = trial.infeasibility > LARGE_INFEASIBILITY * scale;
+                // What rounding leaves of a step goes through for the sake of the multipliers.
+                let tiny = direction.size <= STANDSTILL && trial.infeasibility <= INFEASIBILITY * scale;
+                if tiny || (good && !large && self.filter.iter().all(|entry| better(*entry))) {
+                    if !descent && !tiny {
+                        self.filter.push([
+                            merit - FILTER_SHARE * infeasibility,
+                            (1.0 - FILTER_SHARE) * infeasibility,
+                        ]);
+                    }
+                    let gained = trial.merit < merit - noise
+                        || trial.infeasibility < 0.9 * infeasibility
+                        || alpha * direction.size > STANDSTILL;
                     self.linear.accept(trial, &direction, alpha, self.mu);
                     return Some(gained);
                 }
@@ -174,13 +250,22 @@ impl<'a> Interior<'a> {
         }
         Some(false)
     }
+
+    fn lower(&mut self, last: f64) {
+        self.mu = self.lowered(last);
+        self.filter.clear();
+    }
 }
 
-/// Whether the length of the steps is minimised.
-pub(super) fn is_length(demand: &Demand) -> bool {
-    demand.objective == Objective::Length
-}
-
+/// Violation (rad or m) that rounding explains.
+pub(in super::super) const LEGAL: f64 = 1e-9;
+/// Least damping as a share of the stiffness of the motion, how it rises and falls, and how often.
+const LEAST_SHIFT: f64 = 1e-5;
+const SHIFT_RISE: f64 = 8.0;
+const SHIFT_FALL: f64 = 4.0;
+const SHIFTS: usize = 16;
+/// Pivot of a direction that costs nothing, as a share of the stiffness.
+const FLAT: f64 = 1e-6;
 /// Times that left-out bounds are brought in.
 const SCREENINGS: usize = 4;
 /// Share of the violation (rad, scaled) of the slacks that may be left.
@@ -198,6 +283,14 @@ const HALVINGS: usize = 25;
 /// Steps without a gain after which it ends.
 const STALLS: usize = 3;
 const ARMIJO: f64 = 1e-4;
+/// Share of the infeasibility by which a point must be better than those of the filter.
+const FILTER_SHARE: f64 = 1e-5;
+/// Infeasibility, relative to that of the start, below which the objective may decide, and above which a point is refused.
+const SMALL_INFEASIBILITY: f64 = 1e-2;
+const LARGE_INFEASIBILITY: f64 = 1e2;
+/// Powers of fall and infeasibility in that decision [WaechterBiegler2006, eq. (19)].
+const FALL_POWER: f64 = 2.3;
+const INFEASIBILITY_POWER: f64 = 1.1;
 /// Rounding of the merit, relative.
 const ROUNDING: f64 = 1e-13;
 /// Joint step (rad or m) that counts as a gain whatever the merit says.

@@ -21,8 +21,16 @@
 //!
 //! Cost: about 4 us per row and iteration for seven joints.
 
+mod assemble;
 mod banded;
+mod bounds;
+mod correct;
+mod goal;
+mod inequalities;
 mod interior;
 mod linear;
+mod row;
+mod rows;
 
-pub(super) use interior::{Goal, Refined, Refinement, refine};
+pub(super) use goal::Goal;
+pub(super) use interior::{LEGAL, Refined, Refinement, refine};

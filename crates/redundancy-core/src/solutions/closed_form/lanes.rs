@@ -66,18 +66,23 @@ pub(super) struct Triangle {
     more: f64,
     /// `1 / (2 sin a sin b)`.
     scale: f64,
+    /// What rounding of the third side may take from `u` and from `v`: its sine times the rounding, and a little at `c = 0`.
+    slack: [f64; 2],
 }
 
 impl Triangle {
     /// For two sides in `(0, pi)`.
     pub fn new(a: f64, b: f64) -> Self {
         let ((sin_a, cos_a), (sin_b, cos_b)) = (a.sin_cos(), b.sin_cos());
+        let less = 2.0 * (0.5 * (a - b)).sin().powi(2);
+        let more = 2.0 * (0.5 * (a + b)).cos().powi(2);
         Self {
             cos: [cos_a, cos_b],
             sin: [sin_a, sin_b],
-            less: 2.0 * (0.5 * (a - b)).sin().powi(2),
-            more: 2.0 * (0.5 * (a + b)).cos().powi(2),
+            less,
+            more,
             scale: 0.5 / (sin_a * sin_b),
+            slack: [less, more].map(|x| CONE_ROUNDING + REACH_ROUNDING * x.sqrt()),
         }
     }
 
@@ -92,8 +97,7 @@ impl Triangle {
         let minus = front.select(squared / (one + cos), one - cos);
         let plus = front.select(one + cos, squared / (one - cos));
         let (u, v) = (minus - all(self.less), plus - all(self.more));
-        let slack_u = all(CONE_ROUNDING + REACH_ROUNDING * self.less);
-        let slack_v = all(CONE_ROUNDING + REACH_ROUNDING * self.more);
+        let [slack_u, slack_v] = self.slack.map(all);
         let zero = all(0.0);
         let miss = (-(u + slack_u)).fast_max(-(v + slack_v)).fast_max(zero);
         let (u, v) = (u.fast_max(zero), v.fast_max(zero));

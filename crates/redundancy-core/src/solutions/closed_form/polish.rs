@@ -8,7 +8,7 @@ use crate::tolerance::{POLISH_DEFECT, POLISH_REACH};
 use super::Defect;
 
 /// Moves the rows onto the pose, with the joint `held` (if any) where it is. A row that would have to move far, or out of the
-/// limits where `limits` are to hold, keeps its defect.
+/// limits where `limits` are to hold, keeps its defect; bit k of the result says that row k is on the pose, or has no defect to lose.
 pub(super) fn polish<const N: usize>(
     chain: &Chain,
     defect: Defect,
@@ -16,9 +16,9 @@ pub(super) fn polish<const N: usize>(
     held: Option<usize>,
     limits: bool,
     rows: &mut [[f64; N]],
-) {
+) -> u32 {
     if defect.largest() <= POLISH_DEFECT || rows.is_empty() {
-        return;
+        return u32::MAX;
     }
     let mut coordinate = [0.0; N];
     let coordinates: &[f64] = match held {
@@ -28,8 +28,11 @@ pub(super) fn polish<const N: usize>(
         }
         None => &[],
     };
-    let Ok(mut corrector) = Corrector::with_coordinates(chain, Task::POSE, pose, coordinates) else { return };
-    for row in rows {
+    let Ok(mut corrector) = Corrector::with_coordinates(chain, Task::POSE, pose, coordinates) else {
+        return 0;
+    };
+    let mut met = 0;
+    for (k, row) in rows.iter_mut().enumerate() {
         let mut q = *row;
         if let Some(joint) = held {
             corrector.set_coordinates(&[q[joint]]);
@@ -39,6 +42,8 @@ pub(super) fn polish<const N: usize>(
                 q[joint] = row[joint];
             }
             *row = q;
+            met |= 1 << k;
         }
     }
+    met
 }

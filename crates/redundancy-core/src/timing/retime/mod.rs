@@ -92,7 +92,11 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     }
     let motion = match settings.dt {
         None => motion,
-        Some(dt) => motion.resampled(dt, &mut path_rows),
+        Some(dt) => {
+            let (motion, factor) = at_equal_intervals(chain, motion, settings, dt, &mut path_rows)?;
+            stretched = stretched.max(factor);
+            motion
+        }
     };
     let limiting = motion.limiting(chain, settings)?;
     let stops: Vec<usize> = cuts[1..cuts.len() - 1].to_vec();
@@ -111,6 +115,36 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     let sections = vec![Section::Path; trajectory.rows()];
     Ok(Retimed { trajectory: trajectory.with_sections(sections)?, limiting, path_rows, stretched, stops })
 }
+
+/// The motion with rows every `dt`, slowed down evenly as far as the curve through those rows needs it, and by how much: an
+/// acceleration that jumps between two rows is not the one that their cubic has.
+fn at_equal_intervals(
+    chain: &Chain,
+    mut motion: Motion,
+    settings: &RetimeSettings,
+    dt: f64,
+    path_rows: &mut [usize],
+) -> Result<(Motion, f64)> {
+    let own_rows = path_rows.to_vec();
+    let mut factor = 1.0;
+    for _ in 0..EQUAL_ROUNDS {
+        path_rows.copy_from_slice(&own_rows);
+        let even = motion.resampled(dt, path_rows);
+        let worst = even.excess(chain, settings)?.into_iter().fold(0.0, f64::max);
+        if worst <= 1.0 + UNSEEN {
+            return Ok((even, factor));
+        }
+        motion.slow_down(worst * (1.0 + UNSEEN));
+        factor *= worst * (1.0 + UNSEEN);
+    }
+    let least = motion.duration();
+    Err(Error::CannotFollow(format!(
+        "rows every {dt} s do not carry a motion of {least:.6} s within the limits: choose a smaller dt"
+    )))
+}
+
+/// Rounds of slowing down a motion with equal intervals.
+const EQUAL_ROUNDS: usize = 20;
 
 /// Distance between two rows in joint space.
 fn distance(q: &[f64], n: usize, a: usize, b: usize) -> f64 {

@@ -14,7 +14,7 @@ use crate::solutions::lines::{self, LineEnd};
 /// branch that holds the path.
 ///
 /// # Errors
-/// As [`max_speed`]; a pose that cannot be reached or followed: the message names the points.
+/// As [`max_speed`](super::max_speed); a pose that cannot be reached or followed: the message names the points.
 pub fn max_speed_of_poses(
     chain: &Chain,
     s: &[f64],

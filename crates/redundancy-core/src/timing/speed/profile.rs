@@ -21,7 +21,7 @@ pub struct SpeedProfile {
 /// The fastest motion over given joint positions when the tool speed may change, from `start_speed` to `end_speed` (m/s).
 ///
 /// # Errors
-/// As [`max_speed`]; speeds that are negative or cannot be held: the message names the point.
+/// As [`max_speed`](super::max_speed); speeds that are negative or cannot be held: the message names the point.
 pub fn fastest_profile(
     chain: &Chain,
     s: &[f64],

@@ -12,6 +12,8 @@
 
 use std::f64::consts::PI;
 
+use smallvec::SmallVec;
+
 use super::ring::Sheet;
 use super::walk::{Node, Walk};
 use crate::joint_space::{TURN, difference, wrap};
@@ -83,13 +85,17 @@ struct Crossing {
     u: f64,
 }
 
+/// Every joint passes at most two limits.
+type Crossings = SmallVec<[Crossing; 14]>;
+
 /// What is known of a part.
+#[expect(clippy::large_enum_variant, reason = "one at a time on the stack; a box would allocate")]
 enum Verdict {
     Dropped,
     Kept,
     Unclear,
     /// Joints that pass a limit; bit i: joint i is inside at the beginning.
-    Crossed(Vec<Crossing>, u8),
+    Crossed(Crossings, u8),
 }
 
 /// What is known of a joint on a part.
@@ -205,42 +211,7 @@ impl Arcs {
     /// The feasible parts of a curve.
     pub fn new(walk: &Walk<'_>, sheet: &Sheet, limits: &Limits) -> Self {
         let mut arcs = Self { parts: [Vec::new(), Vec::new()] };
-        if limits.half.iter().any(|half| *half < 0.0) {
-            return arcs;
-        }
-        let mut nodes = Vec::with_capacity(PARTS + 1);
-        for k in (0..PARTS).step_by(4) {
-            nodes.extend(walk.nodes(sheet, [0, 1, 2, 3].map(|i| TURN * (k + i) as f64 / PARTS as f64 - PI)));
-        }
-        nodes.push(Node { u: PI, ..nodes[0] });
-        // Parts in ascending order, each with the shoulders that are not decided.
-        let mut stack: Vec<(Node, Node, [bool; 2])> =
-            nodes.windows(2).rev().map(|pair| (pair[0], pair[1], [true; 2])).collect();
-        while let Some((a, b, open)) = stack.pop() {
-            let mut unclear = [false; 2];
-            for s in (0..2).filter(|s| open[*s]) {
-                match verdict(limits, &End::of(&a, s), &End::of(&b, s)) {
-                    Verdict::Dropped => {}
-                    Verdict::Kept => arcs.parts[s].push(Part { a: End::of(&a, s), b: End::of(&b, s) }),
-                    Verdict::Crossed(crossings, inside) => {
-                        arcs.cross(walk, sheet, limits, s, [&a, &b], crossings, inside);
-                    }
-                    Verdict::Unclear => unclear[s] = true,
-                }
-            }
-            if unclear == [false; 2] {
-                continue;
-            }
-            if b.u - a.u <= ARC_SHORTEST {
-                for s in (0..2).filter(|s| unclear[*s]) {
-                    arcs.shortest(limits, s, &End::of(&a, s), &End::of(&b, s));
-                }
-                continue;
-            }
-            let (m, quarter) = (0.5 * (a.u + b.u), 0.25 * (b.u - a.u));
-            let [l, m, r, _] = walk.nodes(sheet, [m - quarter, m, m + quarter, m]);
-            stack.extend([(r, b, unclear), (m, r, unclear), (l, m, unclear), (a, l, unclear)]);
-        }
+        visit(walk, sheet, limits, &mut |shoulder, part| arcs.parts[shoulder].push(part));
         for parts in &mut arcs.parts {
             parts.sort_by(|a, b| a.a.u.total_cmp(&b.a.u));
         }
@@ -250,58 +221,6 @@ impl Arcs {
     /// True when nothing holds the limits.
     pub fn is_empty(&self) -> bool {
         self.parts.iter().all(Vec::is_empty)
-    }
-
-    /// Adds what is feasible between two nodes at which the joints of `crossings` pass a limit; bit i of `inside`: joint i is
-    /// inside at the beginning.
-    fn cross(
-        &mut self,
-        walk: &Walk<'_>,
-        sheet: &Sheet,
-        limits: &Limits,
-        shoulder: usize,
-        [a, b]: [&Node; 2],
-        mut crossings: Vec<Crossing>,
-        mut inside: u8,
-    ) {
-        let mut nodes: Vec<(Node, usize)> = Vec::with_capacity(crossings.len());
-        crossings.sort_by(|x, y| x.u.total_cmp(&y.u));
-        let involved = crossings.iter().fold(0u8, |mask, c| mask | 1 << c.joint);
-        for crossing in &crossings {
-            nodes.push((root(walk, sheet, shoulder, [a, b], crossing), crossing.joint));
-        }
-        nodes.sort_by(|x, y| x.0.u.total_cmp(&y.0.u));
-        let mut from = *a;
-        let mut feasible = inside & involved == involved;
-        for (node, joint) in nodes {
-            if feasible {
-                self.parts[shoulder].push(Part { a: End::of(&from, shoulder), b: End::of(&node, shoulder) });
-            }
-            inside ^= 1 << joint;
-            let after = inside & involved == involved;
-            if !feasible && !after && limits.margin(&node.q[shoulder]) >= -LIMIT_SLACK {
-                let end = End::of(&node, shoulder);
-                self.parts[shoulder].push(Part { a: end, b: end });
-            }
-            (from, feasible) = (node, after);
-        }
-        if feasible {
-            self.parts[shoulder].push(Part { a: End::of(&from, shoulder), b: End::of(b, shoulder) });
-        }
-    }
-
-    /// Decides a part that cannot be divided further by its ends. Where the shoulder passes its gimbal joints jump, and an arc
-    /// ends.
-    #[cold]
-    fn shortest(&mut self, limits: &Limits, shoulder: usize, a: &End, b: &End) {
-        let jump = (0..7).any(|i| difference(a.q[i], b.q[i]).abs() > ARC_COARSE);
-        let [first, last] = [a, b].map(|end| limits.margin(&end.q) >= -LIMIT_SLACK);
-        if first && last && !jump {
-            self.parts[shoulder].push(Part { a: *a, b: *b });
-        } else if first || last {
-            let end = if first { *a } else { *b };
-            self.parts[shoulder].push(Part { a: end, b: end });
-        }
     }
 
     /// The feasible intervals of one shoulder.
@@ -329,12 +248,109 @@ impl Arcs {
     }
 }
 
+/// Gives the feasible parts of a curve, with their shoulder, to `take`; allocates nothing.
+pub(super) fn visit(walk: &Walk<'_>, sheet: &Sheet, limits: &Limits, take: &mut impl FnMut(usize, Part)) {
+    if limits.half.iter().any(|half| *half < 0.0) {
+        return;
+    }
+    let at = |k: usize| TURN * k as f64 / PARTS as f64 - PI;
+    let mut last = walk.node(sheet, -PI);
+    let first = last;
+    // Parts in ascending order, each with the shoulders that are not decided: three more with every division.
+    let mut stack = SmallVec::<[(Node, Node, [bool; 2]); 64]>::new();
+    for k in (0..PARTS).step_by(4) {
+        let [a, b, c, d] = walk.nodes(sheet, [1, 2, 3, 4].map(|i| at(k + i)));
+        let d = if k + 4 == PARTS { Node { u: PI, ..first } } else { d };
+        for pair in [[c, d], [b, c], [a, b], [last, a]] {
+            stack.push((pair[0], pair[1], [true; 2]));
+        }
+        last = d;
+        while let Some((a, b, open)) = stack.pop() {
+            let mut unclear = [false; 2];
+            for s in (0..2).filter(|s| open[*s]) {
+                match verdict(limits, &End::of(&a, s), &End::of(&b, s)) {
+                    Verdict::Dropped => {}
+                    Verdict::Kept => take(s, Part { a: End::of(&a, s), b: End::of(&b, s) }),
+                    Verdict::Crossed(crossings, inside) => {
+                        cross(walk, sheet, limits, s, [&a, &b], crossings, inside, take);
+                    }
+                    Verdict::Unclear => unclear[s] = true,
+                }
+            }
+            if unclear == [false; 2] {
+                continue;
+            }
+            if b.u - a.u <= ARC_SHORTEST {
+                for s in (0..2).filter(|s| unclear[*s]) {
+                    shortest(limits, s, &End::of(&a, s), &End::of(&b, s), take);
+                }
+                continue;
+            }
+            let (m, quarter) = (0.5 * (a.u + b.u), 0.25 * (b.u - a.u));
+            let [l, m, r, _] = walk.nodes(sheet, [m - quarter, m, m + quarter, m]);
+            stack.extend([(r, b, unclear), (m, r, unclear), (l, m, unclear), (a, l, unclear)]);
+        }
+    }
+}
+
+/// What is feasible between two nodes at which the joints of `crossings` pass a limit; bit i of `inside`: joint i is inside
+/// at the beginning.
+fn cross(
+    walk: &Walk<'_>,
+    sheet: &Sheet,
+    limits: &Limits,
+    shoulder: usize,
+    [a, b]: [&Node; 2],
+    mut crossings: Crossings,
+    mut inside: u8,
+    take: &mut impl FnMut(usize, Part),
+) {
+    let mut nodes = SmallVec::<[(Node, usize); 14]>::new();
+    crossings.sort_unstable_by(|x, y| x.u.total_cmp(&y.u));
+    let involved = crossings.iter().fold(0u8, |mask, c| mask | 1 << c.joint);
+    for crossing in &crossings {
+        nodes.push((root(walk, sheet, shoulder, [a, b], crossing), crossing.joint));
+    }
+    nodes.sort_unstable_by(|x, y| x.0.u.total_cmp(&y.0.u));
+    let mut from = *a;
+    let mut feasible = inside & involved == involved;
+    for (node, joint) in nodes {
+        if feasible {
+            take(shoulder, Part { a: End::of(&from, shoulder), b: End::of(&node, shoulder) });
+        }
+        inside ^= 1 << joint;
+        let after = inside & involved == involved;
+        if !feasible && !after && limits.margin(&node.q[shoulder]) >= -LIMIT_SLACK {
+            let end = End::of(&node, shoulder);
+            take(shoulder, Part { a: end, b: end });
+        }
+        (from, feasible) = (node, after);
+    }
+    if feasible {
+        take(shoulder, Part { a: End::of(&from, shoulder), b: End::of(b, shoulder) });
+    }
+}
+
+/// Decides a part that cannot be divided further by its ends. Where the shoulder passes its gimbal joints jump, and an arc
+/// ends.
+#[cold]
+fn shortest(limits: &Limits, shoulder: usize, a: &End, b: &End, take: &mut impl FnMut(usize, Part)) {
+    let jump = (0..7).any(|i| difference(a.q[i], b.q[i]).abs() > ARC_COARSE);
+    let [first, last] = [a, b].map(|end| limits.margin(&end.q) >= -LIMIT_SLACK);
+    if first && last && !jump {
+        take(shoulder, Part { a: *a, b: *b });
+    } else if first || last {
+        let end = if first { *a } else { *b };
+        take(shoulder, Part { a: end, b: end });
+    }
+}
+
 /// What the joints do between two ends.
 fn verdict(limits: &Limits, a: &End, b: &End) -> Verdict {
     let h = b.u - a.u;
     let steps = Steps::new(a, b);
     let (mut unclear, mut inside) = (false, 0u8);
-    let mut crossings = Vec::new();
+    let mut crossings = Crossings::new();
     for i in [3, 5, 1, 4, 6, 0, 2] {
         let half = limits.half[i];
         if half >= PI {

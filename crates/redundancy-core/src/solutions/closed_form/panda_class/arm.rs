@@ -15,7 +15,9 @@ use crate::solutions::closed_form::gimbal::shared;
 use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, at};
-use crate::tolerance::{EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ROUNDING};
+use crate::tolerance::{
+    EDGE_ROUNDING, GIMBAL_PASSAGE, REACH_ROUNDING, ROOM_ELBOW, ROOM_ELBOW_MOST, ROOM_ROUNDING,
+};
 
 /// Poses that one task of the pool takes at least.
 const TASK: usize = 64;
@@ -97,7 +99,13 @@ impl PandaClassArm {
         let mut rows = [[0.0; 7]; 8];
         let mask = self.solve_into(pose, q7, limits, &mut rows);
         let mut rows: Vec<_> = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| rows[b]).collect();
-        polish(self.chain(), self.defect(), pose, Some(6), limits, &mut rows);
+        // Where joint 7 turns back a defect can take two configurations of the ideal arm away.
+        let met = polish(self.chain(), self.defect(), pose, Some(6), limits, &mut rows);
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            met & (1 << (k - 1)) != 0
+        });
         Ok(rows)
     }
 
@@ -132,7 +140,9 @@ impl PandaClassArm {
         let chord = target.chord(g, x, y);
         let normal = chord.room.fast_max(all(0.0)).sqrt() * f64x4::new([1.0, -1.0, 1.0, -1.0]);
         let (rows, _) = target.rows(g, x, y, &chord, normal);
-        let exists = !rows.room.simd_lt(rows.squared * all(-ROOM_ROUNDING)).to_bitmask();
+        // The nearer the elbow to its end, the farther rounding turns it.
+        let slack = ROOM_ROUNDING + (ROOM_ELBOW * target.swing_y / sine).min(ROOM_ELBOW_MOST);
+        let exists = !rows.room.simd_lt(rows.squared * all(-slack)).to_bitmask();
         let twice = rows.room.simd_gt(all(0.0)).to_bitmask();
         // Repeats: the stretched or folded elbow, and the chord in the plane of axes 5 and 6.
         let mut lanes = exists & (0b0101 | twice) & 0b1111;

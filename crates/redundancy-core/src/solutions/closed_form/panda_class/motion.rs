@@ -163,14 +163,15 @@ impl PandaMotion {
     }
 
     /// `dq/du` at `u` of a piece: in the kernel of the Jacobian, finite and not zero also where joint 4 or 7 turns back. Grows
-    /// without bound towards the shoulder's gimbal.
+    /// without bound towards the shoulder's gimbal; zero where it is not defined, as on a curve that has shrunk to a point.
     ///
     /// # Errors
     /// As [`PandaMotion::q_at`].
     pub fn tangent_at(&self, piece: usize, u: f64) -> Result<[f64; 7]> {
         let (sheet, shoulder) = self.piece(piece)?;
         check_finite("u", &[u])?;
-        Ok(self.walk().node(sheet, wrap(u)).rate[shoulder])
+        let rate = self.walk().node(sheet, wrap(u)).rate[shoulder];
+        Ok(if rate.iter().all(|x| x.is_finite()) { rate } else { [0.0; 7] })
     }
 
     /// Where all joint limits hold with `margin` (rad, per joint, from each limit): intervals `[lo, hi]` of u, ascending, `lo`

@@ -29,6 +29,8 @@ const ROOT_STEPS: usize = 60;
 const DEPTH: u32 = 1;
 /// Most halvings of a part.
 const DEEPEST: u32 = 24;
+/// Most parts that one search divides; usually it is some hundreds.
+const MOST_DIVISIONS: usize = 20_000;
 
 /// Value and slope of the sum at a point of a curve.
 #[derive(Debug, Clone, Copy)]
@@ -121,11 +123,12 @@ impl PandaMotion {
                 }
             }
         }
-        while let Some(pending) = search.heap.pop() {
-            if search.is_settled(pending.bound) {
-                break;
+        // Along a curve that is all but a point rounding hides which part is better: the search ends there too.
+        for _ in 0..MOST_DIVISIONS {
+            match search.heap.pop() {
+                Some(pending) if !search.is_settled(pending.bound) => search.divide(&pending),
+                _ => break,
             }
-            search.divide(&pending);
         }
         let (value, piece, u, q) = search.best?;
         Some(Solution { q: q.to_vec(), piece, u: wrap(u), value, proven: false })

@@ -16,6 +16,7 @@ use super::arm::Inner;
 use super::geometry::PandaGeometry;
 use super::ring::{Kind, Ring, Sheet};
 use super::target::Target;
+use crate::joint_space::TURN;
 use crate::solutions::closed_form::interval::{Interval, angles, between, point, sinusoid};
 use crate::tolerance::{PROOF_MARGIN, PROOF_SHORTEST};
 
@@ -225,7 +226,7 @@ impl<'a> Proof<'a> {
 
 /// The parts of a ring at first.
 fn parts() -> impl Iterator<Item = [f64; 2]> {
-    let at = |k: usize| 2.0 * PI * k as f64 / PARTS as f64 - PI;
+    let at = |k: usize| TURN * k as f64 / PARTS as f64 - PI;
     (0..PARTS).map(move |k| [at(k), at(k + 1)])
 }
 

@@ -18,6 +18,7 @@
 
 use std::f64::consts::PI;
 
+use smallvec::{SmallVec, smallvec};
 use wide::f64x4;
 
 use super::geometry::PandaGeometry;
@@ -64,6 +65,9 @@ pub(super) enum Sheet {
     Whole { ring: Ring, sign: f64 },
 }
 
+/// The curves on a ring. At most four lie on one, unless rounding makes more.
+pub(super) type Sheets = SmallVec<[Sheet; 4]>;
+
 /// Room and slope at a parameter of a ring.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
@@ -85,7 +89,7 @@ pub(super) enum Miss {
 
 impl Ring {
     /// The rings over a pose, or by how much the elbow misses it.
-    pub fn all(target: &Target) -> Result<Vec<Self>, Miss> {
+    pub fn all(target: &Target) -> Result<SmallVec<[Self; 2]>, Miss> {
         let (s, t) = (target.swing_x, target.swing_y);
         let e = target.mean_x - target.mean_y;
         let slack = REACH_ROUNDING * (target.mean_x + target.mean_y);
@@ -103,15 +107,15 @@ impl Ring {
         };
         let plain = |kind| ring(kind, 0.0, [1.0, 1.0]);
         Ok(if s + e.abs() <= t {
-            vec![plain(Kind::OverX(1.0)), plain(Kind::OverX(-1.0))]
+            [plain(Kind::OverX(1.0)), plain(Kind::OverX(-1.0))].into()
         } else if t + e.abs() <= s {
-            vec![plain(Kind::OverY(1.0)), plain(Kind::OverY(-1.0))]
+            [plain(Kind::OverY(1.0)), plain(Kind::OverY(-1.0))].into()
         } else if e > 0.0 {
             let rests = [0.5 * (s + e - t) / s, 0.5 * (t + e - s) / t];
-            vec![ring(Kind::Stretched, s + t - e, rests)]
+            smallvec![ring(Kind::Stretched, s + t - e, rests)]
         } else {
             let rests = [0.5 * (s - t - e) / s, 0.5 * (t - s - e) / t];
-            vec![ring(Kind::Folded, s + t + e, rests)]
+            smallvec![ring(Kind::Folded, s + t + e, rests)]
         })
     }
 
@@ -179,16 +183,16 @@ impl Ring {
     }
 
     /// The curves on this ring; and the greatest room on it.
-    pub fn sheets(&self, g: &PandaGeometry, target: &Target) -> (Vec<Sheet>, f64) {
-        let mut samples = Vec::with_capacity(PARTS + 1);
+    pub fn sheets(&self, g: &PandaGeometry, target: &Target) -> (Sheets, f64) {
+        let mut samples = SmallVec::<[Sample; 36]>::new();
         for k in (0..PARTS).step_by(4) {
             let w = [0, 1, 2, 3].map(|i| TURN * (k + i) as f64 / PARTS as f64 - PI);
             samples.extend(self.samples(g, target, w));
         }
         samples.push(Sample { w: PI, ..samples[0] });
         let mut most = samples[0];
-        let mut roots = Vec::new();
-        let mut stack: Vec<[Sample; 2]> = samples.windows(2).map(|p| [p[0], p[1]]).collect();
+        let mut roots = SmallVec::<[f64; 16]>::new();
+        let mut stack: SmallVec<[[Sample; 2]; 96]> = samples.windows(2).map(|p| [p[0], p[1]]).collect();
         while let Some([a, b]) = stack.pop() {
             if b.room > most.room {
                 most = b;
@@ -213,11 +217,11 @@ impl Ring {
         if roots.is_empty() {
             let rounding = ROOM_ROUNDING * (target.mean_x + target.mean_y);
             let sheets = if most.room > 0.0 {
-                [1.0, -1.0].map(|sign| Sheet::Whole { ring, sign }).to_vec()
+                [1.0, -1.0].into_iter().map(|sign| Sheet::Whole { ring, sign }).collect()
             } else if most.room > -rounding {
-                vec![Sheet::Lens { ring, center: most.w, half: 0.0 }]
+                smallvec![Sheet::Lens { ring, center: most.w, half: 0.0 }]
             } else {
-                Vec::new()
+                Sheets::new()
             };
             return (sheets, most.room);
         }

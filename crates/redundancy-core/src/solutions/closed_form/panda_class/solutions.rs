@@ -3,14 +3,16 @@
 use std::any::Any;
 use std::f64::consts::PI;
 
+use super::arcs::{Limits, visit};
 use super::arm::PandaClassArm;
 use super::motion::PandaMotion;
 use super::ring::Ring;
 use super::target::Target;
+use super::walk::Walk;
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Sense, check_dof};
 use crate::error::{Result, check_length};
-use crate::joint_space::within;
+use crate::joint_space::{within, wrap_sum};
 use crate::pose::Pose;
 use crate::solutions::closed_form::{ClosedForm, Defect};
 use crate::solutions::{Solution, Solutions, check_piece, room, search};
@@ -100,6 +102,38 @@ impl Solutions for PandaMotion {
     }
 }
 
+impl PandaClassArm {
+    /// The middle of a feasible part of some curve that keeps farthest away from the limits; allocates nothing.
+    #[cold]
+    fn roomiest(&self, target: &Target, q: &mut [f64]) -> Status {
+        let inner = &self.inner;
+        let limits = Limits::new(&inner.lower, &inner.upper, 0.0);
+        let walk = Walk { geometry: &inner.geometry, target };
+        let Ok(rings) = Ring::all(target) else { return Status::Unreachable };
+        let (mut status, mut most) = (Status::Unreachable, f64::NEG_INFINITY);
+        for sheet in rings.iter().flat_map(|ring| ring.sheets(&inner.geometry, target).0) {
+            if status == Status::Unreachable {
+                status = Status::Limits;
+            }
+            visit(&walk, &sheet, &limits, &mut |shoulder, part| {
+                let node = walk.node(&sheet, 0.5 * (part.a.u + part.b.u));
+                let principal = node.q[shoulder].map(wrap_sum);
+                let held = self.hold_limits(&principal, node.gimbal).unwrap_or_else(|| {
+                    // A single point, where a limit is met up to rounding.
+                    let wound = self.wind(&principal);
+                    std::array::from_fn(|i| wound[i].clamp(inner.lower[i], inner.upper[i]))
+                });
+                let value = room(self.chain(), &held);
+                if value > most {
+                    most = value;
+                    q.copy_from_slice(&held);
+                }
+            });
+        }
+        if most > f64::NEG_INFINITY { Status::Converged } else { status }
+    }
+}
+
 impl ClosedForm for PandaClassArm {
     fn name(&self) -> &'static str {
         "panda_class"
@@ -152,6 +186,7 @@ impl ClosedForm for PandaClassArm {
                     return Status::Converged;
                 }
             }
+            return self.roomiest(&target, q);
         }
         let Ok(motion) = self.self_motion(pose) else { return Status::Unreachable };
         search::select(&motion, q0, criterion, q)

@@ -80,6 +80,10 @@ pub(super) struct Chord {
     hand: Vectors,
     /// Component across axis 5 in the plane of axes 5 and 6.
     across: f64x4,
+    /// Component across axis 6 in that plane.
+    across6: f64x4,
+    /// Set where the chord is nearer to axis 6 than to axis 5.
+    by_hand: f64x4,
     pub squared: f64x4,
     pub room: f64x4,
 }
@@ -90,6 +94,7 @@ pub(super) struct ChordRates {
     arm: Vectors,
     hand: Vectors,
     across: f64x4,
+    across6: f64x4,
     pub room: f64x4,
 }
 
@@ -173,9 +178,13 @@ impl Target {
         let hand = times(&g.hand, [all(g.offset7) - radius7 * x.cos, -radius7 * x.sin, all(self.step7)]);
         let [cos, sin] = g.bend;
         let across = (hand[0] - all(cos) * arm[0]) * all(1.0 / sin);
+        let across6 = all(cos) * across - all(sin) * arm[0];
         let squared = all(self.mean_x) - all(self.swing_x) * x.cos;
-        let room = squared - arm[0] * arm[0] - across * across;
-        Chord { arm, hand, across, squared, room }
+        // From the axis that the chord is nearer to: next to it the squared length has lost the digits of the room.
+        let [off5, off6] = [arm, hand].map(|v| v[1] * v[1] + v[2] * v[2]);
+        let by_hand = off6.simd_lt(off5);
+        let room = by_hand.select(off6 - across6 * across6, off5 - across * across);
+        Chord { arm, hand, across, across6, by_hand, squared, room }
     }
 
     /// Derivatives of the chord for the rates of x and y.
@@ -188,10 +197,11 @@ impl Target {
         let hand = times(&g.hand, [radius7 * at.x.sin, -radius7 * at.x.cos, zero]);
         let [cos, sin] = g.bend;
         let across = (hand[0] - all(cos) * arm[0]) * all(1.0 / sin);
-        let squared = all(self.swing_x) * at.x.sin * at.rates[0];
-        let two = all(2.0);
-        let room = squared - two * (chord.arm[0] * arm[0] + chord.across * across);
-        ChordRates { arm, hand, across, room }
+        let across6 = all(cos) * across - all(sin) * arm[0];
+        let by_arm = chord.arm[1] * arm[1] + chord.arm[2] * arm[2] - chord.across * across;
+        let by_hand = chord.hand[1] * hand[1] + chord.hand[2] * hand[2] - chord.across6 * across6;
+        let room = all(2.0) * chord.by_hand.select(by_hand, by_arm);
+        ChordRates { arm, hand, across, across6, room }
     }
 
     /// The configurations of a chord whose component along the normal is `normal`, and the turns that they are made of.
@@ -205,11 +215,10 @@ impl Target {
         normal: f64x4,
     ) -> (Rows, Turned) {
         let none = [1.0, 0.0];
-        let [cos, sin] = g.bend.map(all);
         let (c, v) = (chord.across, chord.arm);
         let five = Turns::along(c * v[1] + normal * v[2], c * v[2] - normal * v[1], 0.0, none);
         // The same vector in the axes of joint 6.
-        let (c, v) = (cos * chord.across - sin * chord.arm[0], chord.hand);
+        let (c, v) = (chord.across6, chord.hand);
         let six = Turns::along(c * v[1] + normal * v[2], normal * v[1] - c * v[2], 0.0, none);
         // The first and third column of the shoulder's rotation.
         let column = |j: usize| {
@@ -253,9 +262,8 @@ impl Target {
         let across = rates.across * pace;
         let five = turning(chord.arm[1], chord.arm[2], arm[1], arm[2])
             - turning(chord.across, normal, across, slope);
-        let c = cos * chord.across - sin * chord.arm[0];
-        let d = cos * across - sin * arm[0];
-        let six = turning(c, normal, d, slope) - turning(chord.hand[1], chord.hand[2], hand[1], hand[2]);
+        let six = turning(chord.across6, normal, rates.across6 * pace, slope)
+            - turning(chord.hand[1], chord.hand[2], hand[1], hand[2]);
         let (seven, four) = (at.rates[0] * pace, at.rates[1] * pace);
 
         // The shoulder turns against what the other joints do.

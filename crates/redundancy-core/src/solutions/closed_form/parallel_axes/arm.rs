@@ -41,7 +41,7 @@ use crate::solutions::closed_form::lanes::{Turns, all};
 use crate::solutions::closed_form::polish::polish;
 use crate::solutions::{Defect, at, signs};
 use crate::tolerance::{
-    GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
+    FOLD_SINE, GIMBAL_SINE, REACH_ROUNDING, SINGULAR_WRIST, SINGULAR_WRIST_ROUNDING, SINGULAR_WRIST_SINE,
 };
 
 /// Poses that one task of the pool takes at least.
@@ -141,6 +141,8 @@ struct Found {
     singular: bool,
     /// Sine of the angle of axis 6 against m in each lane.
     height: [f64; 4],
+    /// Sine of joint 5 from where it turns back, in each lane; NaN where it does not reach.
+    middle: [f64; 4],
     /// C is on axis 1: joint 1 was chosen.
     on_axis: bool,
     /// By how much the best arm misses: m between the wrist and what shoulder and elbow reach.
@@ -436,7 +438,10 @@ impl ParallelAxesArm {
         }
         let singular = wrist.height.simd_lt(all(SINGULAR_WRIST_SINE)).to_bitmask() != 0;
         let on_axis = base.on_axis;
-        Found { mask, singular, height: wrist.height.to_array(), on_axis, miss }
+        let middle =
+            wrist.miss.simd_gt(all(FOLD_SINE * FOLD_SINE)).select(all(f64::NAN), wrist.middle.sin).to_array();
+        let height = wrist.height.to_array();
+        Found { mask, singular, height, middle, on_axis, miss }
     }
 
     /// Bit `b` is kept when a winding of row `b` holds all limits; that winding is written back.
@@ -578,8 +583,8 @@ impl ParallelAxesArm {
         (format!("the wrist would be {:.6} mm {text}", 1e3 * distance), distance)
     }
 
-    /// What the pose leaves free, in words; `None` where all configurations are isolated.
-    pub(super) fn freedom(&self, pose: &Pose) -> Option<String> {
+    /// Why the branches do not say everything: what the pose leaves free, or that rounding decides; `None` away from there.
+    pub(super) fn doubt(&self, pose: &Pose) -> Option<String> {
         let target = self.target(pose);
         let found = self.branches(&target, &self.inner.free, &mut [[0.0; 6]; 8]);
         let joints = self.chain().joints();
@@ -588,12 +593,15 @@ impl ParallelAxesArm {
             return Some(format!("the wrist centre is on the first axis: '{name}' may take any value"));
         }
         let [b, c, d, f] = [1, 2, 3, 5].map(|i| &joints[i].name);
-        let free = found.height.iter().any(|height| *height <= GIMBAL_SINE);
-        free.then(|| {
-            format!(
-                "the last axis is along those of '{b}', '{c}' and '{d}': '{f}' may take more than one value"
-            )
-        })
+        if found.height.iter().any(|height| *height <= SINGULAR_WRIST_SINE) {
+            return Some(format!(
+                "the last axis is along those of '{b}', '{c}' and '{d}', or all but: '{f}' may take more than one value"
+            ));
+        }
+        // Where joint 5 turns back it is known to the root of the rounding, which may bring the elbow out of its reach.
+        let turns_back = found.middle.iter().any(|sine| sine.abs() <= FOLD_SINE);
+        turns_back
+            .then(|| format!("'{}' turns back here: rounding decides which branches exist", joints[4].name))
     }
 
     /// Which limit is missed by how little at best.

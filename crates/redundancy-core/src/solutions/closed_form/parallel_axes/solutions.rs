@@ -31,7 +31,7 @@ pub struct ParallelAxesConfigurations {
     rows: [[f64; 6]; 8],
     /// Bit `b`: row `b` is a configuration, limits aside.
     reachable: u8,
-    /// Why the list is not complete: the arm is not ideal, or the pose leaves a joint free.
+    /// Why the list may not be complete: the arm is not ideal, the pose leaves a joint free, or rounding decides.
     not_proven: Option<String>,
 }
 
@@ -58,7 +58,7 @@ impl ParallelAxesArm {
             (status, reason) = (Status::Limits, self.limits_reason(&rows, reachable));
         }
         let not_proven = if self.exact() {
-            self.freedom(pose)
+            self.doubt(pose)
         } else {
             let Defect { position, orientation } = self.defect();
             Some(format!(
@@ -82,7 +82,8 @@ impl ParallelAxesArm {
 }
 
 impl ParallelAxesConfigurations {
-    /// Whether status and branches say everything: the arm is exact, and the pose leaves no joint free.
+    /// Whether status and branches say everything: the arm is exact, the pose leaves no joint free, and joint 5 does not turn back
+    /// there.
     pub fn proven(&self) -> bool {
         self.not_proven.is_none()
     }
@@ -225,6 +226,10 @@ impl ClosedForm for ParallelAxesArm {
             Some(rows) => u32::from(self.solve_into(pose, false, rows)),
             None => 0,
         }
+    }
+
+    fn proves(&self, pose: &Pose) -> bool {
+        self.exact() && self.doubt(pose).is_none()
     }
 
     fn select(

@@ -1,0 +1,292 @@
+//! Why there is no continuous line: points without any configuration, or the fewest reconfigurations and what forces them.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::demand::Demand;
+use super::fill::fill;
+use super::nodes::{Nodes, posture};
+use super::pull::{Pull, Puller, wind_into};
+use super::refine::{Refinement, refine};
+use super::report::Outcome;
+use super::search::{Jump, Search, turns_round};
+use crate::chain::JointKind;
+use crate::joint_space::{TURN, nearest};
+use crate::parallel::prelude::*;
+use crate::path::{BlockedPoint, Reconfiguration};
+use crate::solutions::{SolutionsSettings, solutions};
+use crate::status::Status;
+use crate::tolerance::JOINT_JUMP;
+use crate::watch::Watch;
+
+/// What is said where no line was found over `nodes`.
+pub(super) fn without_line(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
+    let empty: Vec<usize> = (0..nodes.rows.len())
+        .filter(|layer| nodes.q[*layer].is_empty())
+        .map(|layer| nodes.rows[layer])
+        .collect();
+    let suspects = suspects(demand, &nodes, &empty);
+    let blocked: Vec<BlockedPoint> = suspects
+        .into_par_iter()
+        .filter_map(|row| if watch.interrupted().is_some() { None } else { blocked(demand, row) })
+        .collect();
+    if !blocked.is_empty() {
+        return Outcome::Blocked(blocked);
+    }
+    if let Some(why) = watch.interrupted() {
+        return Outcome::Interrupted(None, why);
+    }
+    with_jumps(demand, nodes, watch)
+}
+
+/// Rows that may have no configuration: around layers without states.
+fn suspects(demand: &Demand, nodes: &Nodes, empty: &[usize]) -> Vec<usize> {
+    let mut out = Vec::new();
+    for row in empty {
+        let layer = nodes.rows.iter().position(|r| r == row).unwrap_or(0);
+        let first = if layer > 0 { nodes.rows[layer - 1] + 1 } else { 0 };
+        let end = nodes.rows.get(layer + 1).copied().unwrap_or(demand.rows());
+        out.extend(first..end);
+    }
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+/// The verdict on a row without states; `None` where it has a configuration after all.
+fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
+    let point = |status: Status, reason: String| Some(BlockedPoint { row, status, reason });
+    if let Some(task) = demand.tool.named().filter(|_| demand.spare() <= 1 && demand.tool.bounds() == 0) {
+        let settings = SolutionsSettings { task, seed: demand.seed, ..SolutionsSettings::default() };
+        let all = solutions(&demand.chain, &demand.targets[row].pose, &settings).ok()?;
+        if demand.margin == 0.0 && all.status() != Status::Converged {
+            return point(all.status(), all.reason());
+        }
+        if demand.margin == 0.0 || all.proven() {
+            let states = super::nodes::states_of(demand, row, all.as_ref())?;
+            return if states.is_empty() {
+                point(Status::Limits, format!("no configuration keeps {} from its limits", demand.margin))
+            } else {
+                None
+            };
+        }
+    }
+    // A finite search: the nearest miss is an upper bound.
+    let mut rng = ChaCha8Rng::seed_from_u64(demand.seed ^ row as u64);
+    let mut puller = Puller::new(demand);
+    let target = &demand.targets[row];
+    let (mut miss, mut excess): (f64, Option<(f64, usize)>) = (f64::INFINITY, None);
+    for _ in 0..STARTS {
+        let mut q = posture(demand, &mut rng);
+        if !puller.pull_free(&mut q, target, &Pull::FAR) {
+            let at = demand.chain.forward_unchecked(&q);
+            miss = miss.min(demand.tool.error_of(&at, target)[0]);
+            continue;
+        }
+        wind_into(&mut q, demand);
+        let beyond = |i: usize| (demand.lower[i] - q[i]).max(q[i] - demand.upper[i]);
+        let worst = (0..demand.dof()).map(|i| (beyond(i), i)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        if worst.0 <= 0.0 || puller.pull(&mut q, target, &Pull::FAR) {
+            return None;
+        }
+        if excess.is_none_or(|best| worst.0 < best.0) {
+            excess = Some(worst);
+        }
+    }
+    match excess {
+        Some((excess, joint)) => point(
+            Status::Limits,
+            format!(
+                "the best of {STARTS} starts leaves joint '{}' {excess:.4} rad or m outside [{:.4}, {:.4}]",
+                demand.chain.joints()[joint].name,
+                demand.lower[joint],
+                demand.upper[joint]
+            ),
+        ),
+        None => point(
+            Status::Unreachable,
+            format!("the best of {STARTS} starts ends {:.1} mm from the point", 1e3 * miss),
+        ),
+    }
+}
+
+/// Rows with the fewest reconfigurations.
+fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
+    let open = Demand { cyclic: false, ..demand.clone() };
+    // A closed path is cut open: its last row is the one before the first.
+    let demand = if demand.cyclic { &open.section(0, open.rows()) } else { demand };
+    let mut nodes = with_windings(demand, nodes);
+    for _ in 0..DENSER {
+        let layers = demand.thinned(&nodes.rows);
+        let mut search = Search::new(&layers, &nodes);
+        for _ in 0..REPEATS {
+            let Some((states, jumps)) = search.jumping_line() else {
+                return Outcome::Nothing("the search found no line, with reconfigurations either".into());
+            };
+            if watch.interrupted().is_some() {
+                break;
+            }
+            match pieces(demand, &nodes, &states, &jumps) {
+                Ok(q) => return assembled(demand, &search, &nodes, q, &jumps, watch),
+                Err(Broken::Step(step, from, to)) => search.forbid(step, from, to),
+                Err(Broken::Gap(layer)) => {
+                    let rows = denser(&nodes.rows, layer);
+                    let count = 2 * nodes.width(demand.dof());
+                    nodes = with_windings(demand, Nodes::over(demand, rows, count, 1));
+                    break;
+                }
+            }
+        }
+    }
+    match watch.interrupted() {
+        Some(why) => Outcome::Interrupted(None, why),
+        None => Outcome::Nothing(
+            "no continuous line was found, and no line with few reconfigurations either".into(),
+        ),
+    }
+}
+
+/// States with the windings of the joints that can turn all the way round, last joints first: a line that winds one of them
+/// up has to unwind it in a jump.
+fn with_windings(demand: &Demand, nodes: Nodes) -> Nodes {
+    let missing = |nodes: &Nodes, i: &usize| turns_round(demand, *i) && !nodes.wound.contains(i);
+    let mut nodes = nodes;
+    let mut factor = 1.0;
+    for i in (0..demand.dof()).rev() {
+        let turns = ((demand.upper[i] - demand.lower[i]) / TURN).ceil();
+        if missing(&nodes, &i) && factor * turns <= MOST_WINDINGS {
+            factor *= turns;
+            nodes = nodes.with_windings(demand, i);
+        }
+    }
+    nodes
+}
+
+/// Why a line with jumps does not hold.
+enum Broken {
+    /// A step that is not connected: its number, and its states.
+    Step(usize, usize, usize),
+    /// A jump over rows for which there is no layer.
+    Gap(usize),
+}
+
+/// All rows of a line with jumps.
+fn pieces(demand: &Demand, nodes: &Nodes, states: &[usize], jumps: &[Jump]) -> Result<Vec<f64>, Broken> {
+    let n = demand.dof();
+    let state = |layer: usize, state: usize| nodes.q[layer][state * n..(state + 1) * n].to_vec();
+    let mut out: Vec<f64> = state(0, states[0]);
+    for layer in 1..nodes.rows.len() {
+        let (first, end) = (nodes.rows[layer - 1], nodes.rows[layer]);
+        let jump = jumps.iter().find(|jump| jump.layer == layer);
+        let arrived = match jump {
+            None => states[layer],
+            Some(Jump { before: Some(before), .. }) => *before,
+            Some(Jump { before: None, .. }) => {
+                if end > first + 1 {
+                    return Err(Broken::Gap(layer));
+                }
+                out.extend(state(layer, states[layer]));
+                continue;
+            }
+        };
+        let mut q = state(layer - 1, states[layer - 1]);
+        let mut to = state(layer, arrived);
+        for i in (0..n).filter(|i| turns_round(demand, *i) && !nodes.wound.contains(i)) {
+            to[i] = nearest(to[i], q[i]);
+        }
+        q.extend(to);
+        let local = demand.section(first, end + 1);
+        let inner: Vec<usize> = (0..=end - first).collect();
+        let filled = fill(&local, &[0, end - first], &q, &inner)
+            .map_err(|_| Broken::Step(layer - 1, states[layer - 1], arrived))?;
+        out.extend_from_slice(&filled[n..filled.len() - n]);
+        // Where the line jumps within the layer it goes on from the other state.
+        out.extend(state(layer, states[layer]));
+    }
+    Ok(out)
+}
+
+/// The outcome of a line with jumps: each piece refined on its own.
+fn assembled(
+    demand: &Demand,
+    search: &Search<'_>,
+    nodes: &Nodes,
+    q: Vec<f64>,
+    jumps: &[Jump],
+    watch: &Watch,
+) -> Outcome {
+    let n = demand.dof();
+    let mut q = q;
+    let rows: Vec<usize> = jumps.iter().map(|jump| nodes.rows[jump.layer]).filter(|row| *row > 0).collect();
+    let ends: Vec<usize> = rows.iter().copied().chain([demand.rows()]).collect();
+    let mut first = 0;
+    for end in ends {
+        if end > first + 1 {
+            let part = demand.section(first, end);
+            let how = Refinement { watch: Some(watch), slope: 1e-5, last_barrier: 1e-5, ..Refinement::FINE };
+            if let Some(refined) = refine(&part, q[first * n..end * n].to_vec(), &how)
+                && refined.is_legal()
+            {
+                q[first * n..end * n].copy_from_slice(&refined.q);
+            }
+        }
+        first = end;
+    }
+    let step = |row: usize| {
+        let worst = (0..n)
+            .map(|i| (q[row * n + i] - q[(row - 1) * n + i], i))
+            .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        let Some((d, i)) = worst else { return String::new() };
+        let (bound, joint) = (demand.step_bound[(row - 1) * n + i], &demand.chain.joints()[i]);
+        let (unit, turns) = if joint.kind == JointKind::Prismatic { ("m", false) } else { ("rad", true) };
+        let why = if turns && bound >= JOINT_JUMP {
+            "a continuous step is at most"
+        } else {
+            "its speed limit allows"
+        };
+        format!("joint '{}' would have to step {:.4} {unit}, {why} {bound:.4} {unit}", joint.name, d.abs())
+    };
+    let jumps: Vec<Reconfiguration> =
+        rows.iter().map(|row| Reconfiguration { row: *row, reason: step(*row) }).collect();
+    let farthest = search.farthest();
+    let where_to = match nodes.rows.get(farthest + 1) {
+        Some(next) => {
+            format!("no line from the start goes on from point {} to point {next}", nodes.rows[farthest])
+        }
+        None => "the steps that were found are not connected".to_owned(),
+    };
+    let found = match &jumps[..] {
+        [] => "a line without reconfigurations exists, but none was found that keeps all limits".to_owned(),
+        [only] => {
+            format!("1 reconfiguration is needed, before point {}: {}; {where_to}", only.row, only.reason)
+        }
+        [first, ..] => format!(
+            "{} reconfigurations are needed, the first one before point {}: {}; {where_to}",
+            jumps.len(),
+            first.row,
+            first.reason
+        ),
+    };
+    let reason =
+        format!("{found} (searched: {} states over each of {} points)", nodes.width(n), nodes.rows.len());
+    Outcome::Jumps { q, jumps, reason }
+}
+
+/// The rows with all of those in the gap before a layer.
+fn denser(rows: &[usize], layer: usize) -> Vec<usize> {
+    let (first, end) = (rows[layer - 1], rows[layer]);
+    let mut out = rows.to_vec();
+    out.extend(first + 1..end);
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+/// Random starts of a verdict on a point.
+const STARTS: usize = 1_000;
+/// Most windings that are looked at for each state.
+const MOST_WINDINGS: f64 = 8.0;
+/// Times that layers are added where a line jumps.
+const DENSER: usize = 12;
+/// Times that the search is repeated because steps are not connected.
+const REPEATS: usize = 200;

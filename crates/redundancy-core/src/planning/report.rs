@@ -1,0 +1,157 @@
+//! From what the planner found to a [`Plan`].
+
+use super::demand::Demand;
+use super::refine::{LEGAL, Refined};
+use super::verify;
+use crate::error::Result;
+use crate::path::{
+    BlockedPoint, Event, EventKind, Path, Plan, PlanBuilder, Reconfiguration, TimingSettings, Trajectory,
+    times_within_limits,
+};
+use crate::status::Status;
+use crate::tolerance::FREE_SPEED;
+use crate::watch::Interrupted;
+
+/// What the planner found.
+pub(super) enum Outcome {
+    /// A line that is legal, and what interrupted its refinement.
+    Line(Box<Refined>, Option<Interrupted>),
+    /// Time was up, or the caller stopped: the best so far.
+    Interrupted(Option<Box<Refined>>, Interrupted),
+    /// Points without any configuration.
+    Blocked(Vec<BlockedPoint>),
+    /// No continuous line: rows with jumps, and why.
+    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String },
+    /// Nothing at all, and why.
+    Nothing(String),
+}
+
+/// The plan of an outcome.
+pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Plan> {
+    let names = || demand.chain.joints().iter().map(|j| j.name.clone()).collect::<Vec<String>>();
+    match outcome {
+        Outcome::Line(line, interrupted) => of_line(demand, path, &line, interrupted),
+        Outcome::Interrupted(Some(line), why) => of_line(demand, path, &line, Some(why)),
+        Outcome::Interrupted(None, why) => {
+            let reason = format!("{why} before a continuous line was found");
+            PlanBuilder::without_rows(names(), why.status())?
+                .reason(reason)
+                .asking_about_units(&demand.chain, path)
+                .build()
+        }
+        Outcome::Blocked(points) => {
+            let total = path.len();
+            let (first, count) = (points.first(), points.len());
+            let (status, why) = first.map_or((Status::Infeasible, String::new()), |point| {
+                (point.status, format!("point {}: {}", point.row, point.reason))
+            });
+            let verb = if count == 1 { "point has" } else { "points have" };
+            let reason = format!("{count} of {total} {verb} no configuration; the first is {why}");
+            PlanBuilder::without_rows(names(), status)?
+                .reason(reason)
+                .asking_about_units(&demand.chain, path)
+                .blocked(points)
+                .build()
+        }
+        Outcome::Jumps { q, jumps, reason } => of_jumps(demand, path, &q, jumps, reason),
+        Outcome::Nothing(reason) => PlanBuilder::without_rows(names(), Status::Infeasible)?
+            .reason(reason)
+            .asking_about_units(&demand.chain, path)
+            .build(),
+    }
+}
+
+fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Interrupted>) -> Result<Plan> {
+    let n = demand.dof();
+    let mut q = line.q.clone();
+    if demand.cyclic {
+        q.extend_from_within(..n);
+    }
+    let jump = verify::first_jump(demand, &line.q);
+    let excess = verify::limit_excess(demand, &line.q).max(line.violation);
+    let legal = jump.is_none() && excess <= LEGAL.max(verify::LIMIT_ROUNDING);
+    let (status, reason) = if let Some(why) = interrupted {
+        (why.status(), format!("{why}: this is the best line so far"))
+    } else if let Some(step) = jump {
+        (Status::Infeasible, format!("the line is not continuous between points {step} and {}", step + 1))
+    } else if !legal {
+        (Status::Infeasible, format!("the best line breaks a limit by {excess:.3e} rad or m"))
+    } else if line.converged {
+        (Status::Converged, String::new())
+    } else {
+        let reason = format!(
+            "the refinement ended after {} iterations with a slope of {:.1e} of the largest force",
+            line.iterations, line.slope
+        );
+        (Status::IterationLimit, reason)
+    };
+    let builder = rows(demand, path, &q, Vec::new(), status)?;
+    let builder = builder.legal(legal).cost(demand.cost(&line.q)).reason(reason);
+    builder.asking_about_units(&demand.chain, path).build()
+}
+
+fn of_jumps(
+    demand: &Demand,
+    path: &Path,
+    q: &[f64],
+    jumps: Vec<Reconfiguration>,
+    reason: String,
+) -> Result<Plan> {
+    let t = times(demand, path, q)?;
+    let event = |jump: &Reconfiguration| Event {
+        kind: EventKind::Reconfiguration,
+        index: jump.row,
+        t: t[jump.row],
+        s: path.s()[jump.row],
+        message: format!("the arm changes its configuration before point {}: {}", jump.row, jump.reason),
+    };
+    let events = jumps.iter().map(event).collect();
+    rows(demand, path, q, events, Status::Infeasible)?
+        .legal(false)
+        .reason(reason)
+        .reconfigurations(jumps)
+        .asking_about_units(&demand.chain, path)
+        .build()
+}
+
+/// A builder with the columns of all rows.
+fn rows(demand: &Demand, path: &Path, q: &[f64], events: Vec<Event>, status: Status) -> Result<PlanBuilder> {
+    let n = demand.dof();
+    let names = demand.chain.joints().iter().map(|j| j.name.clone()).collect();
+    let t = times(demand, path, q)?;
+    let trajectory = Trajectory::new(names, t, q.to_vec(), None, events)?;
+    let mut builder = PlanBuilder::new(trajectory, status);
+    let count = q.len() / n;
+    let poses: Vec<_> = q.chunks_exact(n).map(|q| demand.chain.forward_unchecked(q)).collect();
+    let target = |row: usize| &demand.targets[row % demand.rows()];
+    if path.has_orientation() {
+        let tilt = (0..count).map(|row| demand.tool.tilt_of(&poses[row], target(row))).collect();
+        let mut spin: Vec<f64> =
+            (0..count).map(|row| demand.tool.spin_of(&poses[row], target(row))).collect();
+        for k in 1..count {
+            spin[k] = crate::joint_space::nearest(spin[k], spin[k - 1]);
+        }
+        builder = builder.tilt(tilt).spin(spin);
+    }
+    let cost = (0..count)
+        .map(|row| if row < demand.rows() { demand.row_cost(row, &q[row * n..(row + 1) * n]) } else { 0.0 });
+    builder = builder.row_cost(cost.collect());
+    builder.s(path.s().to_vec()).margin_of(&demand.chain).map(|builder| builder.poses(poses))
+}
+
+/// Times of the rows: those of the path, or what the joints' speed limits ask for.
+fn times(demand: &Demand, path: &Path, q: &[f64]) -> Result<Vec<f64>> {
+    if let Some(steps) = &demand.step_time {
+        if let Some(t) = path.t().filter(|t| (t.len() == steps.len() + 1) && !demand.retimed) {
+            return Ok(t.to_vec());
+        }
+        let mut t = vec![0.0];
+        for step in steps {
+            t.push(t[t.len() - 1] + step);
+        }
+        return Ok(t);
+    }
+    let speed = |v: f64| if v.is_finite() { v } else { FREE_SPEED };
+    let limits: Vec<f64> = demand.chain.joints().iter().map(|j| speed(j.limits.velocity)).collect();
+    times_within_limits(q, &limits, TimingSettings::default())
+}

@@ -1,0 +1,118 @@
+//! What holds between the rows of a line.
+//!
+//! The motion is the trajectory through its rows, which is a cubic from row to row. On a grid ten times finer than the rows
+//! its position limits are looked at. Whether a step stays on one piece of the solutions is seen in its middle: there the straight
+//! joint motion is off the task by the square of the step, and what brings it back is a small part of the step. Where
+//! the rows are on different pieces, it is as long as the step itself.
+
+use super::demand::Demand;
+use super::pull::{Pull, Puller};
+use super::tool::Target;
+use crate::parallel::prelude::*;
+use crate::pose::Pose;
+
+/// Points of the fine grid from row to row.
+pub(super) const FINER: usize = 10;
+/// Excess over a limit between rows that is not repaired, rad or m.
+pub(super) const LIMIT_ROUNDING: f64 = 1e-9;
+/// Steps up to this (rad or m) are continuous whatever their middle says.
+const SHORT_STEP: f64 = 1e-4;
+/// Share of a step that may bring its middle back onto the task.
+const MIDDLE_SHARE: f64 = 0.3;
+
+/// Largest excess over a position limit on the fine grid.
+pub(super) fn limit_excess(demand: &Demand, q: &[f64]) -> f64 {
+    let (n, rows) = (demand.dof(), demand.rows());
+    if rows < 2 {
+        return 0.0;
+    }
+    let at = |row: usize, i: usize| q[row * n + i];
+    let time = |step: usize| demand.step_share[step];
+    let velocity = |row: usize, i: usize| -> f64 {
+        // Differences of second order inside, of first order at the ends, as in `Trajectory::new`.
+        let before = match row.checked_sub(1) {
+            Some(row) => Some(row),
+            None => demand.cyclic.then(|| rows - 1),
+        };
+        let after = (row < demand.steps()).then_some(row);
+        let slope = |step: usize| (at(demand.after(step), i) - at(step, i)) / time(step);
+        match (before, after) {
+            (Some(a), Some(b)) => {
+                let (ta, tb) = (time(a), time(b));
+                (slope(a) * tb + slope(b) * ta) / (ta + tb)
+            }
+            (Some(step), None) | (None, Some(step)) => slope(step),
+            (None, None) => 0.0,
+        }
+    };
+    let mut excess: f64 = 0.0;
+    for i in 0..n {
+        let (lower, upper) = (demand.lower[i], demand.upper[i]);
+        for step in 0..demand.steps() {
+            let (a, b) = (step, demand.after(step));
+            let (p, r, h) = (at(a, i), at(b, i), time(step));
+            // Away from its limits a joint cannot reach them: the cubic stays within the chord and its end slopes.
+            let reach = h * (velocity(a, i).abs() + velocity(b, i).abs()) * 0.25;
+            if p.min(r) - reach > lower && p.max(r) + reach < upper {
+                continue;
+            }
+            for k in 1..FINER {
+                let u = k as f64 / FINER as f64;
+                let (u2, u3) = (u * u, u * u * u);
+                let value = (2.0 * u3 - 3.0 * u2 + 1.0) * p
+                    + (3.0 * u2 - 2.0 * u3) * r
+                    + h * ((u3 - 2.0 * u2 + u) * velocity(a, i) + (u3 - u2) * velocity(b, i));
+                excess = excess.max(lower - value).max(value - upper);
+            }
+        }
+    }
+    excess
+}
+
+/// The first step that is not on one piece of the solutions.
+pub(super) fn first_jump(demand: &Demand, q: &[f64]) -> Option<usize> {
+    let n = demand.dof();
+    let steps: Vec<bool> = (0..demand.steps())
+        .into_par_iter()
+        .with_min_len(32)
+        .map_init(
+            || Puller::new(demand),
+            |puller, step| {
+                let (a, b) = (step, demand.after(step));
+                is_continuous(puller, demand, [a, b], &q[a * n..(a + 1) * n], &q[b * n..(b + 1) * n])
+            },
+        )
+        .collect();
+    steps.iter().position(|continuous| !continuous)
+}
+
+/// Whether two configurations over neighbouring rows are on one piece.
+pub(super) fn is_continuous(
+    puller: &mut Puller<'_>,
+    demand: &Demand,
+    rows: [usize; 2],
+    a: &[f64],
+    b: &[f64],
+) -> bool {
+    let length = a.iter().zip(b).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt();
+    if length <= SHORT_STEP {
+        return true;
+    }
+    let straight: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
+    let mut q = straight.clone();
+    let target = between(demand, &demand.targets[rows[0]], &demand.targets[rows[1]]);
+    if !puller.pull_free(&mut q, &target, &Pull::NEAR) {
+        return false;
+    }
+    let back = q.iter().zip(&straight).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt();
+    back <= MIDDLE_SHARE * length
+}
+
+/// The point half-way between two points of the path.
+fn between(demand: &Demand, a: &Target, b: &Target) -> Target {
+    let turn = b.pose.rotation * a.pose.rotation.inverse();
+    let half = nalgebra::Rotation3::from_scaled_axis(crate::kinematics::rotation_vector(&turn) * 0.5);
+    let place = (a.pose.translation.vector + b.pose.translation.vector) * 0.5;
+    let pose = Pose::from_parts(nalgebra::Translation3::from(place), half * a.pose.rotation);
+    demand.tool.target(&pose)
+}
