@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import _painting, _plan, plot
+from redundancy import _check, _painting, _plan, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -817,11 +817,7 @@ def plan(
     Example:  redundancy plan --robot panda --path path.csv --out run/
     Example:  redundancy plan --robot ur5.urdf --base base_link --tip tool0 --path path.csv --spin free --out run/
     """
-    chain = load_robot(robot, base, tip)
-    if tool != "0,0,0":
-        pose = np.eye(4)
-        pose[:3, 3] = _plan.vector(tool, "--tool", 3)
-        chain = chain.with_tool(pose)
+    chain = with_tool(load_robot(robot, base, tip), tool)
     if rail is not None:
         chain = _plan.on_rail(chain, rail)
     joints = chain.dof
@@ -875,6 +871,87 @@ def plan_job(job: _plan.Job) -> None:
     _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)
     if not job.plan.legal:
         raise CannotFollowError(job.plan.reason or str(job.plan.status))
+
+
+# --- check ------------------------------------------------------------------------------------------------
+
+
+@app.command()
+def check(
+    trajectory: Annotated[File, typer.Argument(help="JSON (ROS JointTrajectory), CSV or npz of any origin.")],
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    path: Annotated[File | None, typer.Option(help="CSV of the path that the tool should follow.")] = None,
+    scene: Annotated[File | None, typer.Option(help="Scene JSON: obstacles to keep off.")] = None,
+    format_: Annotated[str, typer.Option("--format", help="text, json or github.")] = "text",
+    tool: Annotated[str, typer.Option(help="x,y,z of the tool in the last link, m.")] = "0,0,0",
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
+    acceleration_limits: Annotated[str, typer.Option(help="chain, off, or deg/s^2 with commas.")] = "chain",
+    jerk_limits: Annotated[str, typer.Option(help="off, or deg/s^3 with commas.")] = "off",
+    torque_limits: Annotated[str, typer.Option(help="chain, off, or N m with commas.")] = "off",
+    rest: Annotated[bool, typer.Option(help="Whether it must start and end at rest.")] = True,
+    tolerance: Annotated[float | None, typer.Option(help="Share of a limit that is forgiven.")] = None,
+    position_tolerance: Annotated[float | None, typer.Option(help="Distance from the path, m.")] = None,
+    orientation_tolerance: Annotated[
+        str | None, typer.Option(help="Angle from the path's orientation in degrees, or off.")
+    ] = None,
+    clearance: Annotated[float, typer.Option(help="Least distance from obstacles, m.")] = 0.0,
+    link_radius: Annotated[float, typer.Option(help="Radius of the links, m.")] = 0.05,
+) -> None:
+    """Check a joint trajectory before an arm runs it: limits between the rows, jumps, rest, contact, the path.
+
+    Exit status: 0 no error, 1 errors, 2 bad input; times that do not increase are bad input.
+
+    Example:  redundancy check trajectory.json --robot panda
+    Example:  redundancy check move.csv --robot arm.urdf --path path.csv --scene scene.json --format github
+    """
+    if format_ not in _check.FORMATS:
+        raise rd.RedundancyError(f"--format is '{format_}', it must be text, json or github")
+    chain = with_tool(load_robot(robot, base, tip), tool)
+
+    def limits(text: str, option: str, in_degrees: bool = True) -> Any:
+        if text in {"chain", "off"}:
+            return "chain" if text == "chain" else None
+        values = _plan.vector(text, option, chain.dof)
+        return np.deg2rad(values) if in_degrees else values
+
+    options: dict[str, Any] = {
+        "velocity_limits": limits(velocity_limits, "--velocity-limits"),
+        "acceleration_limits": limits(acceleration_limits, "--acceleration-limits"),
+        "torque_limits": limits(torque_limits, "--torque-limits", in_degrees=False),
+        "at_rest": rest,
+        "tolerance": tolerance,
+        "position_tolerance": position_tolerance,
+        "clearance": clearance,
+        "links": link_radius,
+    }
+    if jerk_limits != "off":
+        options["jerk_limits"] = np.deg2rad(_plan.vector(jerk_limits, "--jerk-limits", chain.dof))
+    if orientation_tolerance is not None:
+        angle = None
+        if orientation_tolerance != "off":
+            angle = float(np.deg2rad(_plan.vector(orientation_tolerance, "--orientation-tolerance", 1)[0]))
+        options["orientation_tolerance"] = angle
+    job = _check.Job(chain, robot, trajectory, path, scene, options)
+    report = job.run()
+    text = getattr(job, format_)(report)
+    if text:
+        # As it is: no wrapping, no colours, whatever the terminal.
+        sys.stdout.write(text + "\n")
+    if not report.judged:
+        raise rd.RedundancyError(f"{trajectory}: {report.findings[0].message}")
+    if not report.ok:
+        raise typer.Exit(CANNOT_FOLLOW)
+
+
+def with_tool(chain: rd.Chain, tool: str) -> rd.Chain:
+    """The chain with a tool of which only the position is given."""
+    if tool == "0,0,0":
+        return chain
+    pose = np.eye(4)
+    pose[:3, 3] = _plan.vector(tool, "--tool", 3)
+    return chain.with_tool(pose)
 
 
 # --- demo -------------------------------------------------------------------------------------------------

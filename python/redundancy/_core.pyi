@@ -2539,6 +2539,186 @@ class MaxSpeed:
     ) -> MaxSpeed: ...
 
 @final
+class Finding:
+    """One thing that is wrong with a trajectory: an entry of `CheckReport.findings`."""
+
+    def __new__(
+        cls,
+        kind: str,
+        row: int,
+        rows: tuple[int, int],
+        t: float,
+        joint: str | None,
+        link: str | None,
+        value: float,
+        bound: float,
+        message: str,
+    ) -> Self: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    @property
+    def kind(self) -> str:
+        """What is wrong: one word.
+
+        `position`, `velocity`, `acceleration`, `jerk`, `torque`, `step`, `not_at_rest`, `winding`, `singularity`,
+        `self_collision`, `collision`, `path_deviation` or `time`.
+        """
+    @property
+    def severity(self) -> Literal["error", "warning"]:
+        """`winding` and `singularity` are warnings, the others errors."""
+    @property
+    def row(self) -> int:
+        """The row nearest to the worst place, from 0."""
+    @property
+    def rows(self) -> tuple[int, int]:
+        """First and last row of the part of the motion with this fault."""
+    @property
+    def t(self) -> float:
+        """Time of the worst place, s."""
+    @property
+    def joint(self) -> str | None:
+        """The joint, where it is one joint's fault."""
+    @property
+    def link(self) -> str | None:
+        """The link, where it is one link's."""
+    @property
+    def value(self) -> float:
+        """What was measured, in the unit of `bound`."""
+    @property
+    def bound(self) -> float:
+        """What is allowed."""
+    @property
+    def message(self) -> str:
+        """All of it as a sentence."""
+
+@final
+class CheckReport:
+    """What `check` found. It is true when there is no error; its length is the number of rows."""
+
+    def __new__(cls, findings: Sequence[Finding], rows: int, judged: bool) -> Self: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __len__(self) -> int: ...
+    def __bool__(self) -> bool: ...
+    @property
+    def findings(self) -> list[Finding]:
+        """By row, then by kind."""
+    @property
+    def ok(self) -> bool:
+        """No error; there may be warnings."""
+    @property
+    def judged(self) -> bool:
+        """False where times do not increase: the rows are then no motion, and their times are the only findings."""
+    @property
+    def errors(self) -> int:
+        """Number of findings that are errors."""
+    @property
+    def warnings(self) -> int:
+        """Number of findings that are warnings."""
+
+def joint_move(
+    chain: Chain | Any,
+    q_from: ArrayLike,
+    q_to: ArrayLike,
+    *,
+    scene: Scene | None = None,
+    links: LinkGeometry | float | None = None,
+    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
+    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    jerk_limits: ArrayLike | None = None,
+    clearance: float = 0.0,
+) -> Trajectory:
+    """A straight move in joint space from rest to rest, as fast as the limits allow, checked before it is returned.
+
+    Args:
+        chain: The arm, or an arm object.
+        q_from: `(n,)` where the arm is, rad or m.
+        q_to: `(n,)` where it should be.
+        scene: What is in the way.
+        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+        velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None.
+        acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None; each joint needs one.
+        jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+        clearance: Least distance from obstacles, m.
+
+    Raises:
+        CannotFollowError: The move touches something or leaves the joint limits; the message says which link and
+            obstacle, or which joint, and when.
+        RedundancyError: Wrong lengths, invalid limits, a joint without an acceleration limit.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("panda")
+        >>> move = rd.joint_move(arm, [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0])
+        >>> rd.check(arm, move).ok
+        True
+    """
+
+def check(
+    chain: Chain | Any,
+    trajectory: Trajectory | str | PathLike[str],
+    path: Path | None = None,
+    *,
+    scene: Scene | None = None,
+    links: LinkGeometry | float | None = None,
+    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
+    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    jerk_limits: ArrayLike | None = None,
+    torque_limits: ArrayLike | Literal["chain"] | None = None,
+    at_rest: bool = True,
+    tolerance: float | None = None,
+    position_tolerance: float | None = None,
+    orientation_tolerance: float | None = ...,
+    singularity: float | None = None,
+    clearance: float = 0.0,
+    gravity: ArrayLike = ...,
+    threads: int | None = None,
+) -> CheckReport:
+    """A linter for joint trajectories: whether the arm can run what the rows say.
+
+    Judged is what `Trajectory.sample` makes of the rows, between them as well. Neighbouring intervals with the same
+    fault of the same joint are one finding.
+
+    Args:
+        chain: The arm, or an arm object.
+        trajectory: A trajectory or plan, or a file of any origin: JSON (ROS `JointTrajectory`), CSV or npz. The joints
+            may be in any order.
+        path: What the tool should follow, rows of the sections `lead_in` and `lead_out` excepted.
+        scene: What is in the way.
+        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+        velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
+        acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
+        jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.
+        torque_limits: `(n,)` N m or N, `"chain"`, or None for off (default); needs a chain with inertias.
+        at_rest: Whether the first and the last row must be at rest.
+        tolerance: Share of a limit by which it may be exceeded, 0.001 by default. What the rounding of times to
+            nanoseconds adds is left out as well.
+        position_tolerance: Largest distance from the path, m; 0.001 by default.
+        orientation_tolerance: Largest angle from the path's orientation, rad, 0.01 by default; None for off, as for a
+            plan with a free tool.
+        singularity: Ratio of the least to the largest singular value of the Jacobian below which a row is near a
+            singularity, 0.001 by default; 0 is off.
+        clearance: Least distance from obstacles, m.
+        gravity: `(3,)` m/s^2, world axes.
+        threads: Threads; all cores by default.
+
+    Raises:
+        RedundancyError: Joints that are missing or not the chain's, positions that seem to be in degrees, no rows,
+            settings out of range.
+        FileFormatError: A file that cannot be read.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("panda")
+        >>> move = rd.retime(arm, [[0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0]])
+        >>> rd.check(arm, move).ok
+        True
+        >>> fast = rd.Trajectory(move.joint_names, move.t / 2, move.q, 2 * move.qd)
+        >>> sorted({finding.kind for finding in rd.check(arm, fast).findings})
+        ['acceleration', 'velocity']
+    """
+
+@final
 class RetimedTrajectory(Trajectory):
     """A joint path with its times: what `retime` returns."""
 

@@ -17,7 +17,7 @@ BUILT = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug" / "d
 def kernels() -> list[str]:
     source = (ROOT / "benches" / "counts.rs").read_text()
     table = source[source.index("const KERNELS") : source.index("];")]
-    return re.findall(r'\("([a-z0-9_/]+)", ', table)
+    return re.findall(r'\(\s*"(\w+/[a-z0-9_/]+)"', table)
 
 
 def test_every_kernel_is_stored() -> None:

@@ -677,3 +677,42 @@ pub const RETIME_GAP: f64 = 1e-3;
 /// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
 /// the spot) still costs what its joints move.
 pub const PLAN_LEAST_SHARE: f64 = 1e-3;
+
+/// Share of a limit by which a checked trajectory may exceed it: files of other programs carry four to six digits.
+pub const CHECK_RELATIVE: f64 = 1e-3;
+
+/// Times of a checked trajectory are rounded to this, s: the nanoseconds of ROS messages.
+pub const CHECK_TIME_ROUNDING: f64 = 1e-9;
+
+/// Distance (rad or m) beyond a position limit that rounded numbers explain.
+pub const CHECK_WITHIN: f64 = 1e-6;
+
+/// Largest distance (m) of a checked motion from its path: a tenth of what hand-guided calibration leaves.
+pub const CHECK_POSITION: f64 = 1e-3;
+
+/// Largest angle (rad) of a checked motion from its path's orientation: at a tool of 0.1 m the same as
+/// [`CHECK_POSITION`].
+pub const CHECK_ORIENTATION: f64 = 1e-2;
+
+/// Ratio of the least to the largest singular value below which a checked row is near a singularity: a tool speed then
+/// takes a thousand times the joint speed.
+pub const CHECK_SINGULARITY: f64 = 1e-3;
+
+/// Speed (rad/s or m/s) and acceleration at which a row counts as at rest: no brake tells it from rest.
+pub const CHECK_REST: f64 = 1e-3;
+
+/// How much faster than an interval beside it an interval must be to be a jump: smooth motion changes less from row to row
+/// unless it is near rest.
+pub const CHECK_JUMP_RATIO: f64 = 3.0;
+
+/// Distance (rad) from a whole number of turns within which a step is one of whole turns.
+pub const CHECK_TURN: f64 = 0.1;
+
+/// Shortest interval (s) between two rows of a checked trajectory: no controller has a shorter cycle.
+pub const CHECK_LEAST_INTERVAL: f64 = 1e-6;
+
+/// Largest joint step (rad or m) between two places at which contact is looked for: 2 cm at a metre.
+pub const CHECK_CONTACT_STEP: f64 = 0.02;
+
+/// Radius (m) of the capsules from joint to joint of an arm whose shape is not given.
+pub const CHECK_LINK_RADIUS: f64 = 0.05;

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 mod arms;
 mod batch;
 mod chain;
+mod check;
 mod closed_form;
 mod continuation;
 mod convert;
@@ -40,6 +41,8 @@ mod _core {
     use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
+    #[pymodule_export]
+    use check::{PyCheckReport, PyFinding, py_check, py_joint_move};
     #[pymodule_export]
     use closed_form::py_closed_form;
     #[pymodule_export]

@@ -393,7 +393,7 @@ pub fn plan_of(arrays: &Bound<'_, PyAny>) -> PyResult<Plan> {
 }
 
 /// A chain, or an arm object that has one.
-fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChain>> {
+pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChain>> {
     if let Ok(chain) = object.cast::<PyChain>() {
         return Ok(chain.clone());
     }

@@ -29,6 +29,9 @@ mod bspline;
 mod edit;
 #[cfg(feature = "io")]
 mod files;
+mod joint_rows;
+#[cfg(feature = "io")]
+mod joint_rows_files;
 #[allow(clippy::module_inception)]
 mod path;
 mod piece;
@@ -44,6 +47,7 @@ mod timing;
 mod trajectory;
 
 pub(crate) use bspline::{Local as LocalBasis, QuinticBasis, QuinticSpline, WIDTH as QUINTIC_SAMPLES};
+pub use joint_rows::JointRows;
 pub use path::{Path, PathPoint};
 pub use piece::{PathPiece, Shape};
 pub(crate) use plan::broken_limits;
@@ -53,5 +57,6 @@ pub use section::Section;
 pub use shapes::{Circle, Raster};
 pub(crate) use spline::knot_derivatives;
 pub use timed::{Reference, TimedPath};
+pub(crate) use timing::differences;
 pub use timing::{TimingSettings, times_within_limits};
 pub use trajectory::{Event, EventKind, Trajectory};

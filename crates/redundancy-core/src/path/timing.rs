@@ -105,7 +105,7 @@ fn windowed(values: &[f64], half_width: usize, f: impl Fn(&[f64]) -> f64) -> Vec
 
 /// Velocities of rows over increasing times: the derivative of the parabola through a row and its neighbours, the
 /// difference quotient at both ends. Each is a mean of difference quotients, so it keeps what limits they keep.
-pub(super) fn differences(t: &[f64], q: &[f64], n: usize) -> Vec<f64> {
+pub(crate) fn differences(t: &[f64], q: &[f64], n: usize) -> Vec<f64> {
     let rows = t.len();
     let mut qd = vec![0.0; q.len()];
     let quotient = |i: usize, j: usize| (q[(i + 1) * n + j] - q[i * n + j]) / (t[i + 1] - t[i]);

@@ -1,0 +1,85 @@
+//! Whether the arm touches something on the way: at the rows, and between them wherever a joint moves far.
+
+use super::finding::FindingKind;
+use super::settings::{CheckAgainst, CheckSettings};
+use super::spots::{Owner, Spot};
+use crate::chain::Chain;
+use crate::error::Result;
+use crate::path::Trajectory;
+use crate::scene::{LinkGeometry, Scene};
+use crate::tolerance::{CHECK_CONTACT_STEP, CHECK_LINK_RADIUS};
+
+/// Most places of one interval.
+const MOST_PLACES: usize = 1_000;
+
+/// Contact with the obstacles of the scene.
+pub(super) fn collisions(
+    chain: &Chain,
+    trajectory: &Trajectory,
+    settings: &CheckSettings,
+    against: CheckAgainst<'_>,
+) -> Result<Vec<Spot>> {
+    let Some(scene) = against.scene else { return Ok(Vec::new()) };
+    let capsules;
+    let links = match against.links {
+        Some(links) => links,
+        None => {
+            capsules = LinkGeometry::joint_to_joint(chain, CHECK_LINK_RADIUS)?;
+            &capsules
+        }
+    };
+    let places = places(trajectory);
+    let mut q = Vec::with_capacity(places.len() * chain.dof());
+    let mut state: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; chain.dof()]);
+    for (interval, t) in &places {
+        trajectory.sample_interval(*interval, *t, state.each_mut().map(Vec::as_mut_slice))?;
+        q.extend_from_slice(&state[0]);
+    }
+    let mut out = Vec::new();
+    let mut look = |scene: &Scene, range: std::ops::Range<usize>| -> Result<()> {
+        let block = &q[range.start * chain.dof()..range.end * chain.dof()];
+        let nearest = scene.clearance_batch(chain, block, links)?;
+        for (near, (cell, t)) in nearest.into_iter().zip(&places[range]) {
+            let Some(near) = near.filter(|near| near.distance < settings.clearance) else { continue };
+            let end = trajectory.t()[(*cell + 1).min(trajectory.rows() - 1)];
+            let row = if t - trajectory.t()[*cell] > end - t { cell + 1 } else { *cell };
+            let (value, bound) = (near.distance, settings.clearance);
+            let (kind, link) = (FindingKind::Collision, Some(near.link));
+            let owner = Owner { kind, joint: None, link, part: near.obstacle };
+            let message = format!(
+                "link '{}' is {value:.6} m from obstacle {} ({}), at least {bound:.6} m is wanted, at {t:.6} s",
+                chain.links()[near.link].name,
+                near.obstacle,
+                scene.obstacles()[near.obstacle].shape.as_str()
+            );
+            let (cell, t, weight, message) = (*cell, *t, -value, Some(message));
+            out.push(Spot { owner, cell, row, t, value, bound, weight, message });
+        }
+        Ok(())
+    };
+    if scene.moves() {
+        for (k, (_, t)) in places.iter().enumerate() {
+            look(&scene.at(*t), k..k + 1)?;
+        }
+    } else {
+        look(scene, 0..places.len())?;
+    }
+    Ok(out)
+}
+
+/// Intervals and times at which the arm is looked at: every row, and between rows so that no joint moves by more than
+/// [`CHECK_CONTACT_STEP`] in between.
+fn places(trajectory: &Trajectory) -> Vec<(usize, f64)> {
+    let (n, t, q) = (trajectory.dof(), trajectory.t(), trajectory.q());
+    let rows = trajectory.rows();
+    let mut out = Vec::with_capacity(rows);
+    for k in 0..rows.saturating_sub(1) {
+        let step = (0..n).map(|j| (q[(k + 1) * n + j] - q[k * n + j]).abs()).fold(0.0, f64::max);
+        let parts = ((step / CHECK_CONTACT_STEP).ceil() as usize).clamp(1, MOST_PLACES);
+        out.extend((0..parts).map(|i| (k, t[k] + (t[k + 1] - t[k]) * i as f64 / parts as f64)));
+    }
+    if rows > 0 {
+        out.push((rows.saturating_sub(2), t[rows - 1]));
+    }
+    out
+}

@@ -1,0 +1,382 @@
+//! `check`: a linter for joint trajectories.
+
+use std::path::{Path as FilePath, PathBuf};
+
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use redundancy_core::Error;
+use redundancy_core::path::{JointRows, Section};
+use redundancy_core::timing::{
+    CheckAgainst, CheckReport, CheckSettings, Finding, FindingKind, RetimeSettings, Severity, check_rows,
+    joint_move,
+};
+
+use crate::batch::pool;
+use crate::convert::{Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector};
+use crate::error::to_py;
+use crate::path::{PyPath, PyTrajectory};
+use crate::plan::read_chain;
+use crate::scene::{LinkRadius, PyScene};
+use crate::speed::{JointLimits, read_limits};
+
+/// One thing that is wrong with a trajectory.
+#[pyclass(name = "Finding", module = "redundancy", frozen, eq)]
+#[derive(PartialEq)]
+pub struct PyFinding {
+    finding: Finding,
+}
+
+#[pymethods]
+impl PyFinding {
+    #[new]
+    #[pyo3(signature = (kind, row, rows, t, joint, link, value, bound, message))]
+    fn new(
+        kind: &str,
+        row: usize,
+        rows: [usize; 2],
+        t: f64,
+        joint: Option<String>,
+        link: Option<String>,
+        value: f64,
+        bound: f64,
+        message: String,
+    ) -> PyResult<Self> {
+        let kind = kind.parse::<FindingKind>().map_err(to_py)?;
+        Ok(Self { finding: Finding { kind, row, rows, t, joint, link, value, bound, message } })
+    }
+
+    /// What is wrong.
+    #[getter]
+    fn kind(&self) -> &'static str {
+        self.finding.kind.as_str()
+    }
+
+    /// How bad it is.
+    #[getter]
+    fn severity(&self) -> &'static str {
+        self.finding.severity().as_str()
+    }
+
+    /// The row nearest to the worst place.
+    #[getter]
+    fn row(&self) -> usize {
+        self.finding.row
+    }
+
+    /// First and last row with this fault.
+    #[getter]
+    fn rows(&self) -> (usize, usize) {
+        self.finding.rows.into()
+    }
+
+    /// Time of the worst place.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.finding.t
+    }
+
+    /// The joint.
+    #[getter]
+    fn joint(&self) -> Option<&str> {
+        self.finding.joint.as_deref()
+    }
+
+    /// The link.
+    #[getter]
+    fn link(&self) -> Option<&str> {
+        self.finding.link.as_deref()
+    }
+
+    /// What was measured.
+    #[getter]
+    fn value(&self) -> f64 {
+        self.finding.value
+    }
+
+    /// What is allowed.
+    #[getter]
+    fn bound(&self) -> f64 {
+        self.finding.bound
+    }
+
+    /// All of it as a sentence.
+    #[getter]
+    fn message(&self) -> &str {
+        &self.finding.message
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Finding({}, row {}: {})", self.kind(), self.finding.row, self.finding.message)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let this = slf.get();
+        let f = &this.finding;
+        let head = (this.kind(), f.row, this.rows(), f.t, this.joint(), this.link());
+        let parts = (head.0, head.1, head.2, head.3, head.4, head.5, f.value, f.bound, this.message());
+        Ok((slf.get_type().into_any(), parts.into_pyobject(slf.py())?))
+    }
+}
+
+/// What `check` found.
+#[pyclass(name = "CheckReport", module = "redundancy", frozen, eq)]
+#[derive(PartialEq)]
+pub struct PyCheckReport {
+    report: CheckReport,
+}
+
+#[pymethods]
+impl PyCheckReport {
+    #[new]
+    fn new(findings: Vec<Bound<'_, PyFinding>>, rows: usize, judged: bool) -> Self {
+        let findings = findings.iter().map(|finding| finding.get().finding.clone()).collect();
+        Self { report: CheckReport { findings, rows, judged } }
+    }
+
+    /// The findings by row.
+    #[getter]
+    fn findings(&self) -> Vec<PyFinding> {
+        self.report.findings.iter().map(|finding| PyFinding { finding: finding.clone() }).collect()
+    }
+
+    /// No error.
+    #[getter]
+    fn ok(&self) -> bool {
+        self.report.ok()
+    }
+
+    /// Whether the rows are a motion that could be judged.
+    #[getter]
+    fn judged(&self) -> bool {
+        self.report.judged
+    }
+
+    /// Findings that are errors.
+    #[getter]
+    fn errors(&self) -> usize {
+        self.report.count(Severity::Error)
+    }
+
+    /// Findings that are warnings.
+    #[getter]
+    fn warnings(&self) -> usize {
+        self.report.count(Severity::Warning)
+    }
+
+    /// Number of rows.
+    fn __len__(&self) -> usize {
+        self.report.rows
+    }
+
+    fn __bool__(&self) -> bool {
+        self.report.ok()
+    }
+
+    fn __repr__(&self) -> String {
+        let (errors, warnings) = (self.errors(), self.warnings());
+        format!("CheckReport({} rows, {errors} errors, {warnings} warnings)", self.report.rows)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let this = slf.get();
+        let parts = (this.findings(), this.report.rows, this.report.judged);
+        Ok((slf.get_type().into_any(), parts.into_pyobject(slf.py())?))
+    }
+}
+
+/// What `check` takes for a trajectory.
+#[derive(FromPyObject)]
+pub enum AnyRows<'py> {
+    Trajectory(Bound<'py, PyTrajectory>),
+    File(PathBuf),
+}
+
+impl AnyRows<'_> {
+    fn read(&self, py: Python<'_>, chain_names: &[String]) -> PyResult<JointRows> {
+        let file = match self {
+            Self::Trajectory(given) => return Ok(given.get().trajectory.clone().into()),
+            Self::File(file) => file,
+        };
+        let ending = file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        match ending.as_deref() {
+            Some("csv") => py.detach(|| JointRows::from_csv(file)).map_err(to_py),
+            Some("json") => py.detach(|| JointRows::from_json(file)).map_err(to_py),
+            Some("npz") => read_npz(py, file, chain_names).map_err(|error| in_file(file, &error.to_string())),
+            _ => Err(in_file(file, "expected a file that ends in .json, .csv or .npz")),
+        }
+    }
+}
+
+fn in_file(file: &FilePath, message: &str) -> PyErr {
+    let message = message.strip_prefix("RedundancyError: ").unwrap_or(message).to_owned();
+    to_py(Error::File { file: file.display().to_string(), message })
+}
+
+/// Names that the arrays of an npz file may have.
+const NAMES: [&str; 2] = ["joint_names", "names"];
+const TIMES: [&str; 3] = ["t", "time", "times"];
+const POSITIONS: [&str; 3] = ["q", "positions", "position"];
+const VELOCITIES: [&str; 3] = ["qd", "velocities", "velocity"];
+const ACCELERATIONS: [&str; 3] = ["qdd", "accelerations", "acceleration"];
+
+/// An array under one of its names.
+fn array<'py>(archive: &Bound<'py, PyAny>, names: &[&str]) -> PyResult<Option<Bound<'py, PyAny>>> {
+    for name in names {
+        if archive.contains(name)? {
+            return archive.get_item(name).map(Some);
+        }
+    }
+    Ok(None)
+}
+
+fn read_npz(py: Python<'_>, file: &FilePath, chain_names: &[String]) -> PyResult<JointRows> {
+    let archive = py.import("numpy")?.getattr("load")?.call1((file,))?;
+    if archive.getattr_opt("files")?.is_none() {
+        return Err(to_py(Error::Invalid("is no archive of arrays".into())));
+    }
+    let result = rows_of_archive(&archive, chain_names);
+    archive.call_method0("close")?;
+    result
+}
+
+fn rows_of_archive(archive: &Bound<'_, PyAny>, chain_names: &[String]) -> PyResult<JointRows> {
+    let names: Vec<String> = match array(archive, &NAMES)? {
+        Some(names) => names.call_method0("tolist")?.extract()?,
+        None => chain_names.to_vec(),
+    };
+    let missing = |name: &str| to_py(Error::Invalid(format!("has no array '{name}'")));
+    let rows = |aliases: [&str; 3]| -> PyResult<Option<Vec<f64>>> {
+        let Some(array) = array(archive, &aliases)? else { return Ok(None) };
+        let rows = read_rows(&array, aliases[0], &[names.len()])?;
+        Ok(Some(rows.as_slice()?.to_vec()))
+    };
+    let t = read_vector(&array(archive, &TIMES)?.ok_or_else(|| missing("t"))?, "t", None)?;
+    let q = rows(POSITIONS)?.ok_or_else(|| missing("q"))?;
+    let (qd, qdd) = (rows(VELOCITIES)?, rows(ACCELERATIONS)?);
+    let words = array(archive, &["section"])?;
+    let words = words.map(|words| words.call_method0("tolist")?.extract::<Vec<String>>()).transpose()?;
+    let sections = words.map(|words| words.iter().map(|word| word.parse::<Section>()).collect());
+    let sections = sections.transpose().map_err(to_py)?;
+    JointRows::new(names, t, q, qd, qdd, sections).map_err(to_py)
+}
+
+/// Checks a trajectory.
+#[pyfunction]
+#[pyo3(name = "check", signature = (chain, trajectory, path=None, *, scene=None, links=None,
+    velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
+    jerk_limits=None, torque_limits=None, at_rest=true, tolerance=None, position_tolerance=None,
+    orientation_tolerance=Some(CheckOrientation::Default), singularity=None, clearance=0.0, gravity=STANDARD_GRAVITY,
+    threads=None))]
+pub fn py_check<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyAny>,
+    trajectory: AnyRows<'py>,
+    path: Option<&Bound<'py, PyPath>>,
+    scene: Option<&Bound<'py, PyScene>>,
+    links: Option<LinkRadius<'py>>,
+    velocity_limits: Option<JointLimits<'py>>,
+    acceleration_limits: Option<JointLimits<'py>>,
+    jerk_limits: Option<Bound<'py, PyAny>>,
+    torque_limits: Option<JointLimits<'py>>,
+    at_rest: bool,
+    tolerance: Option<f64>,
+    position_tolerance: Option<f64>,
+    orientation_tolerance: Option<CheckOrientation>,
+    singularity: Option<f64>,
+    clearance: f64,
+    gravity: Gravity,
+    threads: Option<Threads>,
+) -> PyResult<PyCheckReport> {
+    let chain = read_chain(chain)?;
+    let chain = &chain.get().chain;
+    let joints = chain.joints();
+    let names: Vec<String> = joints.iter().map(|joint| joint.name.clone()).collect();
+    let rows = trajectory.read(py, &names)?;
+    let default = CheckSettings::of(chain);
+    let limits = |given, what, pick: fn(&redundancy_core::chain::Limits) -> f64| {
+        read_limits(given, what, joints.iter().map(|joint| pick(&joint.limits)))
+    };
+    let settings = CheckSettings {
+        velocity_limits: limits(velocity_limits, "velocity_limits", |l| l.velocity)?,
+        acceleration_limits: limits(acceleration_limits, "acceleration_limits", |l| l.acceleration)?,
+        jerk_limits: limits(jerk_limits.map(JointLimits::Values), "jerk_limits", |_| f64::INFINITY)?,
+        torque_limits: limits(torque_limits, "torque_limits", |l| l.effort)?,
+        at_rest,
+        tolerance: tolerance.unwrap_or(default.tolerance),
+        position_tolerance: position_tolerance.unwrap_or(default.position_tolerance),
+        orientation_tolerance: match orientation_tolerance {
+            None => None,
+            Some(CheckOrientation::Default) => default.orientation_tolerance,
+            Some(CheckOrientation::Angle(angle)) => Some(angle),
+        },
+        singularity: singularity.unwrap_or(default.singularity),
+        clearance,
+        gravity: gravity.into(),
+        ..default
+    };
+    let links = links.map(|links| links.geometry(chain)).transpose()?;
+    let against = CheckAgainst {
+        path: path.map(|path| &path.get().path),
+        scene: scene.map(|scene| &scene.get().scene),
+        links: links.as_ref(),
+    };
+    let pool = pool(threads)?;
+    let report = py.detach(|| pool.install(|| check_rows(chain, &rows, &settings, against)));
+    report.map(|report| PyCheckReport { report }).map_err(to_py)
+}
+
+/// The orientation tolerance that is given.
+pub enum CheckOrientation {
+    /// That of the core.
+    Default,
+    /// This angle, rad.
+    Angle(f64),
+}
+
+impl<'py> FromPyObject<'_, 'py> for CheckOrientation {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        Ok(Self::Angle(object.extract::<f64>()?))
+    }
+}
+
+/// A straight move in joint space.
+#[pyfunction]
+#[pyo3(name = "joint_move", signature = (chain, q_from, q_to, *, scene=None, links=None,
+    velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
+    jerk_limits=None, clearance=0.0))]
+pub fn py_joint_move<'py>(
+    py: Python<'py>,
+    chain: &Bound<'py, PyAny>,
+    q_from: &Bound<'py, PyAny>,
+    q_to: &Bound<'py, PyAny>,
+    scene: Option<&Bound<'py, PyScene>>,
+    links: Option<LinkRadius<'py>>,
+    velocity_limits: Option<JointLimits<'py>>,
+    acceleration_limits: Option<JointLimits<'py>>,
+    jerk_limits: Option<Bound<'py, PyAny>>,
+    clearance: f64,
+) -> PyResult<PyTrajectory> {
+    let chain = read_chain(chain)?;
+    let chain = &chain.get().chain;
+    let (joints, n) = (chain.joints(), chain.dof());
+    let [from, to] = [(q_from, "q_from"), (q_to, "q_to")].map(|(q, what)| read_vector(q, what, Some(n)));
+    let (from, to) = (from?, to?);
+    let limits = |given, what, pick: fn(&redundancy_core::chain::Limits) -> f64| {
+        read_limits(given, what, joints.iter().map(|joint| pick(&joint.limits)))
+    };
+    let none = || vec![f64::INFINITY; n];
+    let settings = RetimeSettings {
+        velocity_limits: limits(velocity_limits, "velocity_limits", |l| l.velocity)?.unwrap_or_else(none),
+        acceleration_limits: limits(acceleration_limits, "acceleration_limits", |l| l.acceleration)?
+            .unwrap_or_else(none),
+        jerk_limits: limits(jerk_limits.map(JointLimits::Values), "jerk_limits", |_| f64::INFINITY)?,
+        ..RetimeSettings::of(chain)
+    };
+    let links = links.map(|links| links.geometry(chain)).transpose()?;
+    let scene = scene.map(|scene| &scene.get().scene);
+    let against = CheckAgainst { path: None, scene, links: links.as_ref() };
+    let made = py.detach(|| joint_move(chain, [&from, &to], &settings, against, clearance));
+    made.map(PyTrajectory::from).map_err(to_py)
+}
