@@ -77,6 +77,27 @@ def sphere(axes: object) -> None:
     axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
 
 
+# Figures 3 to 5: the circle of the worked example on the two spheres, with n and the direction of s = 0.
+figure = Figure(figsize=(6, 6), layout="constrained")
+axes = figure.add_subplot(projection="3d")
+wrist_center = arm.shoulder + motion.axis * np.linalg.norm(np.array([0.42, 0.1, 1.0]) - arm.shoulder)
+u, v = np.mgrid[0 : 2 * np.pi : 37j, 0 : np.pi : 19j]
+unit = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
+for middle, radius, color in (
+    (arm.shoulder, arm.lengths[0], "#bbbbbb"),
+    (wrist_center, arm.lengths[1], "#a9c6d9"),
+):
+    axes.plot_wireframe(*(middle[:, None, None] + radius * unit), color=color, linewidth=0.3)
+ring, elbow_at_zero = motion.elbow(np.linspace(0, 2 * np.pi, 181)), motion.elbow(0.0)
+axes.plot(*ring.T, color="#c0392b", label="circle of the elbow, radius rho")
+axes.plot(*np.array([arm.shoulder, elbow_at_zero, wrist_center]).T, "o-", color="#1b5e8c", label="S, E, W at s = 0")
+axes.plot(*np.array([arm.shoulder, wrist_center]).T, ":", color="#555555", label="line A, along n")
+axes.plot(*np.array([motion.center, elbow_at_zero]).T, "-", color="#c8792a", label="from C to E")
+axes.set_box_aspect((1, 1, 1))
+axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)", title="The worked example (figures 3 to 5)")
+axes.legend(fontsize="small")
+figure.savefig(folder / "moore_figure_3.png", dpi=110)
+
 figure = Figure(figsize=(8, 4), layout="constrained")
 axes = figure.subplots()
 t = np.arange(0.0, path.t[-1] + dt / 2, dt)
