@@ -1,8 +1,9 @@
 """Section 9.1 of [FromGravdahl2007]: the five algorithms with and without an elbow term (eq. 43) in the cost.
 
 A seven-joint arm, so that pose and elbow can be met together: the term draws the elbow to where the target
-configuration has it. An iteration costs the same with the term, but the two pull against each other on the way: fewer runs arrive.
-Writes a PNG into the folder that is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+configuration has it. An iteration costs the same with the term, but the two pull against each other on the way: fewer
+runs arrive. Writes a PNG into the folder that is named, or a temporary one.
+Needs matplotlib (`pip install 'redundancy[plot]'`).
 """
 
 import sys

@@ -1,7 +1,7 @@
 """[Moore2010]: the worked example, and figures 7 to 10: swivel and elbow beside a ball, for fixed and ramped wishes.
 
-A PA10's tool goes round a circle three times, with the flow as printed, eq. (32), and in figure 9 the robust one. Writes PNGs into the folder that
-is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+A PA10's tool goes round a circle three times, with the flow as printed, eq. (32), and in figure 9 the robust one.
+Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
 """
 
 import sys
@@ -46,7 +46,9 @@ ball = rd.Scene([rd.Sphere(ball_center, ball_radius)])
 nothing = rd.Scene([])
 
 
-def follow(desired: object, start: float, scene: rd.Scene, form: str = "paper") -> tuple[np.ndarray, np.ndarray]:
+def follow(
+    desired: object, start: float, scene: rd.Scene, form: str = "paper"
+) -> tuple[np.ndarray, np.ndarray]:
     """Swivels `(N,)` and elbows `(N, 3)` along the path."""
     flow = rd.SwivelFlow(arm, desired, scene, form=form)
     plan = flow.follow(path, start, dt)
@@ -90,7 +92,9 @@ for middle, radius, color in (
     axes.plot_wireframe(*(middle[:, None, None] + radius * unit), color=color, linewidth=0.3)
 ring, elbow_at_zero = motion.elbow(np.linspace(0, 2 * np.pi, 181)), motion.elbow(0.0)
 axes.plot(*ring.T, color="#c0392b", label="circle of the elbow, radius rho")
-axes.plot(*np.array([arm.shoulder, elbow_at_zero, wrist_center]).T, "o-", color="#1b5e8c", label="S, E, W at s = 0")
+axes.plot(
+    *np.array([arm.shoulder, elbow_at_zero, wrist_center]).T, "o-", color="#1b5e8c", label="S, E, W at s = 0"
+)
 axes.plot(*np.array([arm.shoulder, wrist_center]).T, ":", color="#555555", label="line A, along n")
 axes.plot(*np.array([motion.center, elbow_at_zero]).T, "-", color="#c8792a", label="from C to E")
 axes.set_box_aspect((1, 1, 1))
@@ -115,7 +119,10 @@ for number, wish, start, title in (
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     sphere(axes)
-    for scene, color, label in ((nothing, "#1b5e8c", "without the ball"), (ball, "#c0392b", "beside the ball")):
+    for scene, color, label in (
+        (nothing, "#1b5e8c", "without the ball"),
+        (ball, "#c0392b", "beside the ball"),
+    ):
         swivel, elbow = follow(wish, start, scene)
         axes.plot(*elbow.T, color=color, linestyle="--" if scene is nothing else "-", label=label)
         least = np.linalg.norm(elbow - ball_center, axis=1).min() - ball_radius

@@ -30,9 +30,8 @@ print("start        h at t = 0      A at t = 0   ends at t      h there      A t
 for start in ranked[::2]:  # of each pair of mirror images one
     t, value, condition = plot_optimum.along_path(arm, h, "planar", start.trajectory)
     event = "path completed" if start.completed else start.trajectory.events[-1].kind
-    print(
-        f"{start.kind!s:8} {value[0]:14.4f} {condition[0]:15.2f} {t[-1]:11.7f} {value[-1]:12.4f} {condition[-1]:12.2e}  {event}"
-    )
+    begin = f"{start.kind!s:8} {value[0]:14.4f} {condition[0]:15.2f}"
+    print(f"{begin} {t[-1]:11.7f} {value[-1]:12.4f} {condition[-1]:12.2e}  {event}")
     # At an algorithmic singularity A vanishes, at a kinematic one h as well.
     assert start.completed or abs(condition[-1]) < 1e-3
 print("pictures in", folder)

@@ -1494,7 +1494,8 @@ class SelfMotion:
     def elbow(self, s: float | ArrayLike) -> NDArray[np.float64]:
         """The elbow in the world at a swivel: the paper's p_E (eq. 15).
 
-        It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the elbow's axis nearest to shoulder and wrist.
+        It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the
+        elbow's axis nearest to shoulder and wrist.
 
         Args:
             s: Swivel, rad, or `(N,)`.
@@ -3406,9 +3407,10 @@ class QuaternionVolume:
 class OrientationSet:
     """Intersections and unions of cones and quaternion volumes: `A & B`, `A | B`.
 
-    Membership, margin, nearest member and samples of what From and Gravdahl (2007, section 2) build from sets of
-    orientations. Made by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as
-    `orientation_set`. Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
+    Membership, margin, nearest member and uniform samples of what several sets have in common, or hold together. Made
+    by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The
+    papers define the parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`,
+    `(4,)` or `(N, 4)`.
 
     Example:
         >>> import redundancy as rd

@@ -168,7 +168,15 @@ def test_a_desired_swivel_beside_an_obstacle(capsys, tmp_path, plan):
     ways, held = {}, {}
     for desired in (None, -60.0, -120.0):
         out = tmp_path / f"{plan}{desired}"
-        arguments: list[object] = ["--robot", "pa10", "--path", tmp_path / "path.csv", "--out", out, "--no-plots"]
+        arguments: list[object] = [
+            "--robot",
+            "pa10",
+            "--path",
+            tmp_path / "path.csv",
+            "--out",
+            out,
+            "--no-plots",
+        ]
         arguments += ["--obstacles", tmp_path / "scene.json", "--plan", plan]
         arguments += [] if desired is None else ["--desired-swivel", desired]
         status, _, err = run(capsys, "track", *arguments)
@@ -182,7 +190,9 @@ def test_a_desired_swivel_beside_an_obstacle(capsys, tmp_path, plan):
     assert held[None] is None and abs(held[-60.0] + np.pi / 3) < 1e-12
     # Each wish is followed where the ball allows it: nearer to its own than to the other.
     for desired, other in ((-60.0, -120.0), (-120.0, -60.0)):
-        away = [np.abs((way - desired + 180.0) % 360.0 - 180.0).mean() for way in (ways[desired], ways[other])]
+        away = [
+            np.abs((way - desired + 180.0) % 360.0 - 180.0).mean() for way in (ways[desired], ways[other])
+        ]
         assert away[0] < away[1] - 10.0, away
 
 

@@ -41,9 +41,10 @@ pub fn combined<'py>(
 
 /// Intersections and unions of cones and quaternion volumes: `A & B`, `A | B`.
 ///
-/// Membership, margin, nearest member and samples of what From and Gravdahl (2007, section 2) build from sets of
-/// orientations. Made by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as
-/// `orientation_set`. Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
+/// Membership, margin, nearest member and uniform samples of what several sets have in common, or hold together. Made
+/// by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The
+/// papers define the parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`,
+/// `(4,)` or `(N, 4)`.
 ///
 /// Example:
 ///     >>> import redundancy as rd

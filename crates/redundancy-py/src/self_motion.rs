@@ -640,7 +640,8 @@ impl PySelfMotion {
 
     /// The elbow in the world at a swivel: the paper's p_E (eq. 15).
     ///
-    /// It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the elbow's axis nearest to shoulder and wrist.
+    /// It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the
+    /// elbow's axis nearest to shoulder and wrist.
     ///
     /// Args:
     ///     s: Swivel, rad, or `(N,)`.
