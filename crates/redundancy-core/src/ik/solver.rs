@@ -18,7 +18,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::descent::{DescentMethod, DescentSettings, JointDescent};
-use super::goal::{Goal, OrientationSet};
+use super::goal::{Goal, way_in};
 use super::newton::{NewtonProblem, NewtonRun, RunEnd, Workspace};
 use super::starts::{Starts, ranges};
 use crate::chain::Chain;
@@ -26,6 +26,7 @@ use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
 use crate::pose::{Pose, checked_pose};
+use crate::rotation::OrientationSet;
 use crate::solutions::{ClosedForm, closed_form};
 use crate::status::Status;
 use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
@@ -728,7 +729,7 @@ impl IkSolver {
 fn nominal(goal: &Goal<'_>) -> Pose {
     let mut pose = goal.target;
     if let Some(set) = goal.set {
-        pose.rotation = nalgebra::Rotation3::new(set.way_in(&pose.rotation)) * pose.rotation;
+        pose.rotation = nalgebra::Rotation3::new(way_in(set, &pose.rotation)) * pose.rotation;
     }
     pose
 }

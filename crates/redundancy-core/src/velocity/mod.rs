@@ -9,7 +9,7 @@
 //!
 //! `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near a singularity
 //! small singular values are damped ([`Damping`]); the motion that uses the freedom is projected exactly all the same,
-//! so that it never moves the tool. Every step reports what it did: damping, change of basis, scale, active limits.
+//! so that it never moves the tool (but for [`ReducedGradient::as_printed`]). Every step reports what it did: damping, change of basis, scale, active limits.
 
 mod box_projection;
 mod damping;
@@ -120,6 +120,11 @@ pub trait Resolver: Send + Sync + std::fmt::Debug {
 
     /// Which coordinates count.
     fn task(&self) -> &Task;
+
+    /// The link in whose frame its coordinates are written, see [`MiddleFrame`](crate::kinematics::MiddleFrame).
+    fn frame(&self) -> Option<usize> {
+        None
+    }
 
     /// One step: writes the joint velocity (n).
     ///
