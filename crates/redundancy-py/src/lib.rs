@@ -19,6 +19,7 @@ mod links;
 mod obstacle;
 mod optimum;
 mod orientation_plan;
+mod orientation_set;
 mod path;
 mod plan;
 mod planning;
@@ -72,6 +73,8 @@ mod _core {
     };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
+    #[pymodule_export]
+    use orientation_set::PyOrientationSet;
     #[pymodule_export]
     use plan::{PyPlan, PyToolFreedom, py_plan};
     #[pymodule_export]
