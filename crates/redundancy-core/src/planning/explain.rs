@@ -63,7 +63,7 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
             return point(all.status(), all.reason());
         }
         if demand.margin == 0.0 || all.proven() {
-            let states = super::nodes::states_of(demand, row, all.as_ref())?;
+            let states = super::nodes::states_of(demand, row, all.as_ref(), super::nodes::NODE_SPACING)?;
             return if states.is_empty() {
                 point(Status::Limits, format!("no configuration keeps {} from its limits", demand.margin))
             } else {

@@ -34,7 +34,7 @@ impl Nodes {
     /// solutions themselves, so that no arc is too narrow to be seen.
     pub fn over(demand: &Demand, rows: Vec<usize>, count: usize, look: usize) -> Self {
         if look > 0
-            && let Some(q) = exact(demand, &rows)
+            && let Some(q) = exact(demand, &rows, NODE_SPACING / look as f64)
         {
             return Self { wound: Vec::new(), stops: Vec::new(), rows, q };
         }
@@ -200,19 +200,19 @@ impl Nodes {
 
 /// The states of the solutions themselves: points, or curves cut by the limits at even distances. `None` where they have
 /// more dimensions.
-fn exact(demand: &Demand, rows: &[usize]) -> Option<Vec<Vec<f64>>> {
+fn exact(demand: &Demand, rows: &[usize], spacing: f64) -> Option<Vec<Vec<f64>>> {
     let task = demand.tool.named().filter(|_| demand.spare() <= 1)?;
     rows.par_iter()
         .map(|row| {
             let settings = SolutionsSettings { task, seed: demand.seed, ..SolutionsSettings::default() };
             let all = solutions(&demand.chain, &demand.targets[*row].pose, &settings).ok()?;
-            states_of(demand, *row, all.as_ref())
+            states_of(demand, *row, all.as_ref(), spacing)
         })
         .collect()
 }
 
 /// States on all pieces over a row.
-pub(super) fn states_of(demand: &Demand, row: usize, all: &dyn Solutions) -> Option<Vec<f64>> {
+pub(super) fn states_of(demand: &Demand, row: usize, all: &dyn Solutions, spacing: f64) -> Option<Vec<f64>> {
     let n = demand.dof();
     if let Some(given) = demand.given(row) {
         return Some(given.to_vec());
@@ -240,7 +240,7 @@ pub(super) fn states_of(demand: &Demand, row: usize, all: &dyn Solutions) -> Opt
                 }
                 all.tangent(piece, u, &mut tangent).ok()?;
                 let speed = tangent.iter().map(|t| t * t).sum::<f64>().sqrt();
-                u = (u + NODE_SPACING / speed.max(f64::MIN_POSITIVE)).min(high);
+                u = (u + spacing / speed.max(f64::MIN_POSITIVE)).min(high);
             }
         }
     }
@@ -282,7 +282,7 @@ fn stops(demand: &Demand, rows: &[usize]) -> Vec<Vec<usize>> {
 }
 
 /// Distance of states on a curve, rad or m.
-const NODE_SPACING: f64 = 0.1;
+pub(super) const NODE_SPACING: f64 = 0.1;
 /// Difference (rad or m) below which two isolated solutions are one.
 const EQUAL_STATES: f64 = 1e-3;
 /// Numbers of postures that one look may use.

@@ -140,29 +140,67 @@ impl Run<'_> {
             return Found { best: None, nodes };
         }
         let layers = demand.thinned(&rows);
-        let middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
-        let mut lines = Vec::new();
-        // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
-        for _ in 0..=MOST_WOUND {
-            let mut search = Search::new(&layers, &nodes);
-            let (connected, wound) = connected_lines(demand, &mut search, &rows, &middle, watch);
-            lines = connected;
-            match wound {
-                Some(joint) if lines.is_empty() => nodes = nodes.with_windings(demand, joint),
-                _ => break,
+        let mut middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
+        let n = demand.dof();
+        let mut best: Option<Refined> = None;
+        let mut fined: Vec<(usize, f64)> = Vec::new();
+        let mut avoided: Vec<Avoided> = Vec::new();
+        for round in 0..=AVOIDING {
+            let mut lines = Vec::new();
+            // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
+            for _ in 0..=MOST_WOUND {
+                let mut search = Search::new(&layers, &nodes);
+                avoided.iter().for_each(|place| search.avoid(place.layer, &place.q, place.radius));
+                let (connected, wound) = connected_lines(demand, &mut search, &rows, &middle, watch);
+                lines = connected;
+                match wound {
+                    Some(joint) if lines.is_empty() => nodes = nodes.with_windings(demand, joint),
+                    _ => break,
+                }
+            }
+            if lines.is_empty() || part.report(0.3 + 0.2 * round as f64).is_err() {
+                best = best.or_else(|| lines.into_iter().find_map(|q| self.unrefined(&middle, &q)));
+                return Found { best, nodes };
+            }
+            let coarse = demand.thinned(&middle);
+            let how = Refinement { watch: Some(watch), ..Refinement::COARSE };
+            let mut refined: Vec<Refined> =
+                lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &how)).collect();
+            refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
+            let _ = part.report(0.4 + 0.2 * round as f64);
+            let refined = distinct(&coarse, refined);
+            for line in refined.iter().filter(|line| !line.is_legal()) {
+                let row = line.worst_row;
+                avoid(&mut avoided, round, &rows, middle[row], &line.q[row * n..(row + 1) * n]);
+            }
+            // Per row: the costs of lines on some rows and on all of them compare.
+            let least_illegal = (refined.iter().filter(|line| !line.is_legal()))
+                .fold(f64::INFINITY, |least, line| least.min(line.cost));
+            // Lines that were refined on all rows before need not be again.
+            let old = |line: &Refined| {
+                fined
+                    .iter()
+                    .any(|(rows, cost)| *rows == middle.len() && (line.cost - cost).abs() <= SAME_COST * cost)
+            };
+            let hopeless = |line: &Refined| round > 0 && !line.is_legal();
+            let new: Vec<Refined> =
+                refined.into_iter().filter(|line| !old(line) && !hopeless(line)).collect();
+            fined.extend(new.iter().map(|line| (middle.len(), line.cost)));
+            let fine = self.fine(&coarse, &middle, new);
+            if let Some(line) = fine.as_ref().filter(|line| !line.is_legal()) {
+                let near = line.worst_row.saturating_sub(DENSE_ROWS)..line.worst_row + DENSE_ROWS;
+                middle.extend(near.filter(|row| *row < demand.rows()));
+                middle.sort_unstable();
+                middle.dedup();
+                let row = line.worst_row;
+                avoid(&mut avoided, round, &rows, row, &line.q[row * n..(row + 1) * n]);
+            }
+            best = better(demand, best, fine);
+            let enough = |line: &Refined| line.is_legal() && line.cost <= FINE_WINDOW * least_illegal;
+            if best.as_ref().is_some_and(enough) || watch.interrupted().is_some() {
+                break;
             }
         }
-        if lines.is_empty() || part.report(0.5).is_err() {
-            let best = lines.into_iter().find_map(|q| self.unrefined(&middle, &q));
-            return Found { best, nodes };
-        }
-        let coarse = demand.thinned(&middle);
-        let how = Refinement { watch: Some(watch), ..Refinement::COARSE };
-        let mut refined: Vec<Refined> =
-            lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &how)).collect();
-        refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
-        let _ = part.report(0.7);
-        let best = self.fine(&coarse, &middle, distinct(&coarse, refined));
         Found { best, nodes }
     }
 
@@ -202,6 +240,34 @@ impl Run<'_> {
         let all: Vec<usize> = (0..demand.rows()).collect();
         let q = fill(demand, middle, q, &all).ok()?;
         refine(demand, q, &Refinement { iterations: 0, ..Refinement::FINE })
+    }
+}
+
+/// States around a place at which refined lines break a limit.
+struct Avoided {
+    layer: usize,
+    q: Vec<f64>,
+    radius: f64,
+    /// The round in which it last grew.
+    round: usize,
+}
+
+/// Lines keep away from where a refined one breaks a limit at `row`: from more around it every time.
+fn avoid(avoided: &mut Vec<Avoided>, round: usize, rows: &[usize], row: usize, q: &[f64]) {
+    let after = rows.partition_point(|r| *r <= row);
+    let layer = if after > 0 && (after == rows.len() || row - rows[after - 1] <= rows[after] - row) {
+        after - 1
+    } else {
+        after
+    };
+    let q = q.to_vec();
+    let distance = |other: &[f64]| q.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    match avoided.iter_mut().find(|place| place.layer == layer && distance(&place.q) < place.radius) {
+        Some(place) if place.round < round => {
+            *place = Avoided { layer, radius: AVOIDED_GROWTH * place.radius, round, q: place.q.clone() };
+        }
+        Some(_) => {}
+        None => avoided.push(Avoided { layer, q, radius: AVOIDED_RADIUS, round }),
     }
 }
 
@@ -340,11 +406,19 @@ const LAYER_DISTANCE: f64 = 0.3;
 const MIDDLE_ROWS: usize = 6;
 const LEAST_MIDDLE_ROWS: usize = 120;
 /// Lines that are refined on some rows, and on all of them where they are at most this many times the best one.
-const LINES: usize = 8;
+const LINES: usize = 24;
 const FINE_LINES: usize = 2;
 const FINE_WINDOW: f64 = 1.02;
 /// Root mean square distance (rad) below which two refined lines are the same.
 const SAME_LINE: f64 = 0.02;
+/// Times that lines are looked for elsewhere because all of them break limits, and how far from there (rad) at first.
+const AVOIDING: usize = 5;
+const AVOIDED_RADIUS: f64 = 0.3;
+const AVOIDED_GROWTH: f64 = 2.0;
+/// Rows on either side of such a place on which lines are refined from then on.
+const DENSE_ROWS: usize = 12;
+/// Relative difference of the costs of two lines that are the same.
+const SAME_COST: f64 = 1e-6;
 /// Joints whose windings become states of their own.
 const MOST_WOUND: usize = 3;
 /// Times that the search is repeated because steps were not connected.

@@ -70,6 +70,19 @@ impl<'a> Search<'a> {
         self.edges[step][from * width + to] = f32::INFINITY;
     }
 
+    /// Takes the states within a distance (rad or m) of a configuration out of a layer.
+    pub fn avoid(&mut self, layer: usize, q: &[f64], radius: f64) {
+        let states = self.nodes.q[layer].chunks_exact(self.demand.dof());
+        let costs: Vec<f32> = (self.node_cost[layer].iter().zip(states))
+            .map(|(cost, state)| {
+                let square: f64 =
+                    state.iter().zip(q).enumerate().map(|(i, (a, b))| self.short(i, a - b).powi(2)).sum();
+                if square < radius * radius { f32::INFINITY } else { *cost }
+            })
+            .collect();
+        self.node_cost[layer] = costs;
+    }
+
     /// Up to `count` cheapest lines that differ, and the joints that wind out of their limits along others.
     pub fn lines(&self, count: usize) -> Lines {
         if self.node_cost.iter().any(Vec::is_empty) {
@@ -92,11 +105,8 @@ impl<'a> Search<'a> {
         }
         to_go.reverse();
         let mut order: Vec<(f32, usize, usize)> = (0..layers)
-            .flat_map(|layer| {
-                let through = to_come[layer].iter().zip(&to_go[layer]).map(|(a, b)| a + b);
-                through.enumerate().map(move |(state, cost)| (cost, layer, state))
-            })
-            .filter(|entry| entry.0.is_finite())
+            .into_par_iter()
+            .flat_map_iter(|layer| self.valleys(layer, &to_come[layer], &to_go[layer]))
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let Some(best) = order.first().map(|entry| entry.0) else { return Lines::default() };
@@ -116,6 +126,27 @@ impl<'a> Search<'a> {
             self.push_if_new(&mut out, states);
         }
         out
+    }
+
+    /// States of a layer through which a line is cheaper than through any state near by: each valley of the costs shows as one
+    /// of them at some layer, however flat the bottom of the deepest one is.
+    fn valleys(&self, layer: usize, come: &[f32], go: &[f32]) -> Vec<(f32, usize, usize)> {
+        let n = self.demand.dof();
+        let through: Vec<f32> = come.iter().zip(go).map(|(a, b)| a + b).collect();
+        let at = |state: usize| &self.nodes.q[layer][state * n..(state + 1) * n];
+        let mut order: Vec<usize> = (0..through.len()).filter(|state| through[*state].is_finite()).collect();
+        order.sort_by(|a, b| through[*a].total_cmp(&through[*b]).then(a.cmp(b)));
+        let near = |a: usize, b: usize| {
+            let mut square = 0.0;
+            at(a).iter().zip(at(b)).enumerate().all(|(i, (a, b))| {
+                square += self.short(i, a - b).powi(2);
+                square < VALLEY * VALLEY
+            })
+        };
+        (0..order.len())
+            .filter(|i| !order[..*i].iter().any(|cheaper| near(*cheaper, order[*i])))
+            .map(|i| (through[order[i]], layer, order[i]))
+            .collect()
     }
 
     /// The cheapest line among those with the fewest jumps from state to state, open at its ends, with the layers at which it
@@ -277,12 +308,14 @@ impl<'a> Search<'a> {
                 return;
             }
         };
-        let layers = states.len() as f64;
+        // Two lines may go the two ways round something on a short part of the path.
+        let n = self.demand.dof();
         let apart = |other: &Line| {
-            let square: f64 = (q.iter().zip(&other.q).enumerate())
-                .map(|(i, (a, b))| self.short(i % self.demand.dof(), a - b).powi(2))
-                .sum();
-            (square / layers).sqrt() > APART
+            (q.chunks_exact(n).zip(other.q.chunks_exact(n))).any(|(a, b)| {
+                let square: f64 =
+                    (a.iter().zip(b).enumerate()).map(|(i, (a, b))| self.short(i, a - b).powi(2)).sum();
+                square > APART * APART
+            })
         };
         if out.lines.iter().all(apart) {
             out.lines.push(Line { states, q });
@@ -442,11 +475,13 @@ fn least(count: usize, cost: impl Fn(usize) -> f32) -> usize {
 
 /// Lines that cost more than this many times the best are not refined.
 const COST_WINDOW: f32 = 2.0;
-/// Root mean square distance (rad) at which two lines differ.
-const APART: f64 = 0.35;
-/// States do not lie exactly on the best line: a step may exceed its bound by this factor.
-const STEP_SLACK: f64 = 1.1;
+/// Distance (rad) at some point at which two lines differ.
+const APART: f64 = 0.5;
+/// Distance (rad) within which states belong to one valley of the costs.
+const VALLEY: f64 = 0.5;
 /// States may leave the limits by this much through their windings, rad.
 const WINDING_SLACK: f64 = 1e-9;
+/// States do not lie exactly on the best line: a step may exceed its bound by this factor.
+const STEP_SLACK: f64 = 1.1;
 /// Motion weight at least, in the search: without any the states would not hang together.
 const LEAST_MOTION: f64 = 1e-6;

@@ -72,27 +72,32 @@ pub(super) fn step_bound(demand: &Demand, goal: Goal, step: usize, i: usize) -> 
     }
 }
 
-/// Largest violation of a bound along a line.
-pub(super) fn violation(demand: &Demand, q: &[f64], goal: Goal) -> f64 {
+/// Largest violation of a bound along a line, and its row.
+pub(super) fn violation(demand: &Demand, q: &[f64], goal: Goal) -> (f64, usize) {
     let (n, bounds) = (demand.dof(), demand.tool.bounds());
-    let mut worst: f64 = 0.0;
+    let mut worst = (0.0, 0);
+    let mut meet = |excess: f64, row: usize| {
+        if excess > worst.0 {
+            worst = (excess, row);
+        }
+    };
     for (row, q) in q.chunks_exact(n).enumerate() {
         if demand.given(row).is_some() {
             continue;
         }
         for i in 0..n {
-            worst = worst.max(demand.lower[i] - q[i]).max(q[i] - demand.upper[i]);
+            meet((demand.lower[i] - q[i]).max(q[i] - demand.upper[i]), row);
         }
         if bounds > 0 {
             let mut h = [0.0; MOST_BOUNDS];
             demand.tool.bound_values(&demand.chain.forward_unchecked(q), &demand.targets[row], &mut h);
-            worst = h[..bounds].iter().fold(worst, |worst, h| worst.max(-h));
+            h[..bounds].iter().for_each(|h| meet(-h, row));
         }
     }
     for step in 0..demand.steps() {
         let (a, b) = (step * n, demand.after(step) * n);
         for i in 0..n {
-            worst = worst.max((q[b + i] - q[a + i]).abs() - step_bound(demand, goal, step, i));
+            meet((q[b + i] - q[a + i]).abs() - step_bound(demand, goal, step, i), step);
         }
     }
     worst

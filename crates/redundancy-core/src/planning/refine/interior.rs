@@ -54,6 +54,8 @@ pub(in super::super) struct Refined {
     pub slope: f64,
     /// Largest violation of a bound.
     pub violation: f64,
+    /// The row at which it is.
+    pub worst_row: usize,
     pub iterations: usize,
     /// True where slope and barrier are as small as asked for.
     pub converged: bool,
@@ -90,8 +92,8 @@ pub(in super::super) fn refine(demand: &Demand, q: Vec<f64>, how: &Refinement<'_
 fn pinned(demand: &Demand, q: Vec<f64>, how: &Refinement<'_>, sets: Sets) -> Option<Refined> {
     let linear = Linear::new(demand, how.goal, sets, q)?;
     let q = linear.exact()?;
-    let (cost, violation) = (demand.cost(&q), linear.violation(&q));
-    Some(Refined { q, cost, slope: 0.0, violation, iterations: 0, converged: true })
+    let (cost, (violation, worst_row)) = (demand.cost(&q), linear.violation(&q));
+    Some(Refined { q, cost, slope: 0.0, violation, worst_row, iterations: 0, converged: true })
 }
 
 struct Interior<'a> {
@@ -142,8 +144,16 @@ impl<'a> Interior<'a> {
                 system = self.linear.linearise(self.mu);
             }
             iterations += 1;
-            let system = self.factored(system)?;
-            let improved = self.step(&system)?;
+            let (system, damped) = self.factored(system)?;
+            let (improved, size) = self.step(&system)?;
+            // Where Newton's step is lost in rounding so is what is left of the slope.
+            if self.mu <= last && !damped && size <= STANDSTILL {
+                let residual = self.linear.residual(self.mu);
+                converged = residual.slope <= SLOPE_ROUNDING * force && self.is_feasible(&residual);
+                if converged {
+                    break;
+                }
+            }
             stalled = if improved { 0 } else { stalled + 1 };
             if stalled >= STALLS {
                 if self.mu <= last {
@@ -158,12 +168,13 @@ impl<'a> Interior<'a> {
         }
         let (slope, force) = (self.linear.residual(self.mu).slope, self.linear.force());
         let q = self.linear.exact()?;
-        let violation = self.linear.violation(&q);
+        let (violation, worst_row) = self.linear.violation(&q);
         Some(Refined {
             cost: self.demand.cost(&q),
             q,
             slope: slope / force,
             violation,
+            worst_row,
             iterations,
             converged,
         })
@@ -173,12 +184,15 @@ impl<'a> Interior<'a> {
     fn is_done(&self, residual: &Residual, last: f64) -> bool {
         self.mu <= last
             && residual.slope <= self.how.slope * self.linear.force()
-            && residual.infeasibility <= INFEASIBILITY
-            && residual.gap <= GAP * self.mu
+            && self.is_feasible(residual)
     }
 
-    /// The factored system, with as much damping as makes it positive definite.
-    fn factored(&mut self, system: Banded) -> Option<Banded> {
+    fn is_feasible(&self, residual: &Residual) -> bool {
+        residual.infeasibility <= INFEASIBILITY && residual.gap <= GAP * self.mu
+    }
+
+    /// The factored system, with as much damping as makes it positive definite, and whether there is any.
+    fn factored(&mut self, system: Banded) -> Option<(Banded, bool)> {
         let stiffness = self.linear.stiffness();
         let (least, flat) = (LEAST_SHIFT * stiffness, FLAT * stiffness);
         let mut shift = 0.0;
@@ -188,7 +202,7 @@ impl<'a> Interior<'a> {
                 if shift > 0.0 {
                     self.shift = shift;
                 }
-                return Some(factors);
+                return Some((factors, shift > 0.0));
             }
             shift = if shift == 0.0 { (self.shift / SHIFT_FALL).max(least) } else { shift * SHIFT_RISE };
         }
@@ -200,8 +214,8 @@ impl<'a> Interior<'a> {
         (self.unit * (FALL * relative).min(relative.powf(SUPERLINEAR))).max(last)
     }
 
-    /// One step; false where nothing was gained.
-    fn step(&mut self, system: &Banded) -> Option<bool> {
+    /// One step: whether something was gained, and its size, rad or m.
+    fn step(&mut self, system: &Banded) -> Option<(bool, f64)> {
         let mut x = self.linear.right_hand_side();
         system.solve(&mut x);
         if x.iter().any(|x| !x.is_finite()) {
@@ -243,12 +257,12 @@ impl<'a> Interior<'a> {
                         || trial.infeasibility < 0.9 * infeasibility
                         || alpha * direction.size > STANDSTILL;
                     self.linear.accept(trial, &direction, alpha, self.mu);
-                    return Some(gained);
+                    return Some((gained, direction.size));
                 }
             }
             alpha *= 0.5;
         }
-        Some(false)
+        Some((false, direction.size))
     }
 
     fn lower(&mut self, last: f64) {
@@ -266,6 +280,8 @@ const SHIFT_FALL: f64 = 4.0;
 const SHIFTS: usize = 16;
 /// Pivot of a direction that costs nothing, as a share of the stiffness.
 const FLAT: f64 = 1e-6;
+/// Slope, relative to the force of the motion, that rounding may leave.
+const SLOPE_ROUNDING: f64 = 1e-3;
 /// Times that left-out bounds are brought in.
 const SCREENINGS: usize = 4;
 /// Share of the violation (rad, scaled) of the slacks that may be left.

@@ -366,7 +366,7 @@ impl<'a> Linear<'a> {
     }
 
     /// Largest violation of a bound of the demand, rad or m (cone and spin in their own scale).
-    pub fn violation(&self, q: &[f64]) -> f64 {
+    pub fn violation(&self, q: &[f64]) -> (f64, usize) {
         let goal = if matches!(self.goal, Goal::Peak(_)) { Goal::Cost } else { self.goal };
         violation(self.demand, q, goal)
     }

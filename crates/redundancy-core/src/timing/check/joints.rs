@@ -1,13 +1,11 @@
 //! What the rows say about each joint: limits between the rows, jumps, whole turns, rest at the ends.
 
-use std::f64::consts::TAU;
-
 use super::finding::FindingKind;
 use super::interval::{derivative, leaves, position};
 use super::settings::CheckSettings;
 use super::spots::{Owner, Spot};
 use crate::chain::Chain;
-use crate::joint_space::{difference, turns};
+use crate::joint_space::{TURN, difference, turns};
 use crate::path::{Trajectory, differences};
 use crate::tolerance::{CHECK_JUMP_RATIO, CHECK_REST, CHECK_TURN, CHECK_WITHIN};
 
@@ -176,7 +174,7 @@ pub(super) fn wound_up(chain: &Chain, trajectory: &Trajectory) -> Vec<Spot> {
                 "joint '{name}' ends {count:.0} whole turns from where it began, the other joints return"
             );
             let owner = Owner { part: 1, ..Owner::joint(FindingKind::Winding, j) };
-            let (value, bound, weight) = (rises[j], TAU, rises[j].abs());
+            let (value, bound, weight) = (rises[j], TURN, rises[j].abs());
             Spot { owner, cell: last, row: last, t, value, bound, weight, message: Some(message) }
         })
         .collect()
