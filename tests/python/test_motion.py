@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from arms import robots
 
 import redundancy as rd
 from redundancy._commands import run
@@ -162,3 +163,20 @@ def test_max_speed_holds_the_speeds_of_the_chain_by_default():
     given = rd.max_speed(chain, path, q=q, torque_limits=None, velocity_limits=chain.velocity_limit)
     assert held.speed == given.speed
     assert held.limit == "velocity"
+
+
+def test_a_ur5_paints_within_the_speeds_of_its_urdf(tmp_path, capsys):
+    urdf = robots()["ur5"].path
+    ends = ("--base", "base_link", "--tip", "tool0")
+    chain = rd.Chain.from_urdf(urdf, "base_link", "tool0")
+    options = (*ends, "--plan", "--half-angle", "20", "--time-limit", "2", "--rule", "constant")
+    command("paint", str(urdf), chain, tmp_path, *options)
+    made = rd.Trajectory.from_json(tmp_path / "out" / "trajectory.json")
+    _, qd, _, _ = made.sample(np.linspace(0.0, made.t[-1], 5000))
+    assert (np.abs(qd) <= chain.velocity_limit * (1 + 1e-3)).all()
+    assert run(["check", str(tmp_path / "out" / "trajectory.json"), "--robot", str(urdf), *ends]) == 0
+    # Without them the same plan is faster than the joints can be.
+    command("paint", str(urdf), chain, tmp_path, *options, "--velocity-limits", "off")
+    made = rd.Trajectory.from_json(tmp_path / "out" / "trajectory.json")
+    assert (np.abs(made.qd) / chain.velocity_limit).max() > 1.5
+    capsys.readouterr()
