@@ -20,7 +20,7 @@ use crate::chain::PyChain;
 use crate::convert::{Fresh, read_array, read_pose, read_rows, read_vector};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::rotation::{PyCone, PyQuaternionVolume};
+use crate::orientation_set::read_orientation_set;
 use crate::status::{status_to_py, statuses_to_py};
 use crate::task::{PyTask, read_target, read_targets, read_task};
 
@@ -281,17 +281,7 @@ impl PyIkSolver {
 }
 
 fn read_set(object: &Bound<'_, PyAny>) -> PyResult<OrientationSet> {
-    if let Ok(cone) = object.cast::<PyCone>() {
-        return Ok(cone.get().cone.into());
-    }
-    match object.cast::<PyQuaternionVolume>() {
-        Ok(volume) => Ok(volume.get().volume.into()),
-        Err(_) => {
-            let message =
-                format!("orientation_set is {}, expected a Cone or a QuaternionVolume", object.repr()?);
-            Err(to_py(Error::Invalid(message)))
-        }
-    }
+    read_orientation_set(object, "orientation_set")
 }
 
 /// The answer over one pose.

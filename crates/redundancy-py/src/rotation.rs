@@ -9,13 +9,14 @@ use redundancy_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use redundancy_core::parallel::prelude::*;
 use redundancy_core::rotation::{
     self, Barrier, Cone, Constraint, CrossSection, DirectionCones, OrientationMethod, OrientationOptimizer,
-    OrientationSettings, OrientationSolution, QuaternionVolume, SectionDistance, Spin,
+    OrientationSet, OrientationSettings, OrientationSolution, QuaternionVolume, SectionDistance, Spin,
 };
 use redundancy_core::{Error, Result, Status};
 
 use crate::batch::in_blocks;
 use crate::convert::{Fresh, Integer, Threads, read_array, read_rows, read_seed, read_vector, to_array};
 use crate::error::to_py;
+use crate::orientation_set::combined;
 use crate::status::{status_to_py, statuses_to_py};
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
@@ -23,7 +24,7 @@ const BLOCK: usize = 65_536;
 /// Rows of one parallel task.
 const TASK: usize = 256;
 
-fn quaternion(object: &Bound<'_, PyAny>, what: &str) -> PyResult<UnitQuaternion<f64>> {
+pub fn quaternion(object: &Bound<'_, PyAny>, what: &str) -> PyResult<UnitQuaternion<f64>> {
     rotation::from_wxyz(read_array::<4>(object, what)?).map_err(to_py)
 }
 
@@ -45,7 +46,7 @@ fn in_row(error: Error, row: Option<usize>) -> Error {
 
 /// Calls `f` for one row of `width` numbers or for each of many, and returns an item of shape `out` or an array
 /// `(N, *out)`.
-fn map_rows<'py, T, const IN: usize>(
+pub fn map_rows<'py, T, const IN: usize>(
     object: &Bound<'py, PyAny>,
     what: &str,
     out: &[usize],
@@ -96,7 +97,7 @@ where
 }
 
 /// Scalars that become plain Python objects.
-trait IntoPyObjectScalar: Copy {
+pub trait IntoPyObjectScalar: Copy {
     fn scalar(self, py: Python<'_>) -> PyResult<Bound<'_, PyAny>>;
 }
 
@@ -113,7 +114,7 @@ impl IntoPyObjectScalar for bool {
 }
 
 /// The same for quaternions.
-fn map_quaternions<'py, T>(
+pub fn map_quaternions<'py, T>(
     object: &Bound<'py, PyAny>,
     out: &[usize],
     threads: Option<Threads>,
@@ -126,6 +127,14 @@ where
         f(&rotation::from_wxyz(row)?, item);
         Ok(())
     })
+}
+
+/// A tolerance of membership.
+pub fn checked_tolerance(tol: f64) -> PyResult<()> {
+    if tol.is_nan() || tol < 0.0 {
+        return Err(to_py(Error::OutOfRange { what: "tol".into(), value: tol, bound: ">= 0".into() }));
+    }
+    Ok(())
 }
 
 fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
@@ -215,6 +224,16 @@ impl PyCone {
         (b.into(), d.into(), self.cone.half_angle())
     }
 
+    /// The intersection with another set, an `OrientationSet`.
+    fn __and__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.cone.into(), other, OrientationSet::and)
+    }
+
+    /// The union with another set, an `OrientationSet`.
+    fn __or__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.cone.into(), other, OrientationSet::or)
+    }
+
     fn __repr__(&self) -> String {
         let (b, d, angle) = self.__getnewargs__();
         format!("Cone(body_axis={b:?}, direction={d:?}, half_angle={angle})")
@@ -297,7 +316,7 @@ impl PySpin {
     }
 }
 
-/// A set of orientations: up to three bounded rotations in sequence, or a cone.
+/// A set of orientations: bounded rotations in sequence, or a cone.
 #[pyclass(name = "QuaternionVolume", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyQuaternionVolume {
@@ -390,9 +409,7 @@ impl PyQuaternionVolume {
         tol: f64,
         threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        if tol.is_nan() || tol < 0.0 {
-            return Err(to_py(Error::OutOfRange { what: "tol".into(), value: tol, bound: ">= 0".into() }));
-        }
+        checked_tolerance(tol)?;
         map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.contains(q, tol))
     }
 
@@ -508,6 +525,16 @@ impl PyQuaternionVolume {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, VolumeState)> {
         Ok((py.get_type::<Self>().getattr("_restore")?, self.state()))
+    }
+
+    /// The intersection with another set, an `OrientationSet`.
+    fn __and__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.volume.clone().into(), other, OrientationSet::and)
+    }
+
+    /// The union with another set, an `OrientationSet`.
+    fn __or__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.volume.clone().into(), other, OrientationSet::or)
     }
 
     fn __repr__(&self) -> String {
