@@ -234,6 +234,14 @@ def track(
     Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way).run()
 
 
+def _first_fault(plan: rd.SwivelPlan, points: int) -> int:
+    """The first row that a plan reports: without a configuration, beyond a limit, a jump, or in contact."""
+    rows = [*plan.blocked, *plan.reconfigurations, *(event.index for event in plan.events)]
+    if plan.clearance is not None:
+        rows += np.flatnonzero(plan.clearance < 0.0).tolist()
+    return int(min([*rows, points - 1]))
+
+
 @dataclass
 class Way:
     """How the swivel is found, and beside what."""
@@ -384,7 +392,7 @@ class Job:
             for e in plan.events
         ]
         if plan.status != rd.Status.CONVERGED:
-            self.summary["first_point"] = min([*plan.blocked, *plan.reconfigurations, len(path) - 1])
+            self.summary["first_point"] = _first_fault(plan, len(path))
             raise CannotFollowError(plan.reason)
         return plan
 

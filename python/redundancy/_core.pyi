@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
+from redundancy._ranked import RankedStarts
 from redundancy.status import EventKind, Kind, Status
 
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
@@ -2320,7 +2321,7 @@ def plan_swivel(
     velocity_limits: Literal["chain"] | ArrayLike | None = ...,
     *,
     fixed: float | ArrayLike | None = None,
-    branch: tuple[int, int, int] | None = None,
+    branch: str | Sequence[int] | None = None,
     margin: float = 0.0,
     swivels: int | None = None,
     limit_weight: float | None = None,
@@ -2347,7 +2348,7 @@ def plan_swivel(
         wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
         link_radius: Links are capsules of this radius, m (0.05).
         fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
-        branch: Keep to these signs (shoulder, elbow, wrist).
+        branch: Keep to these signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+".
         margin: Distance kept from every joint limit, rad.
         velocity_limits: `"chain"` (default), `(7,)` rad/s, or `None` for off.
         swivels: Grid cells of the circle (180).
@@ -2379,7 +2380,7 @@ class SwivelFlow:
         scene: Obstacles.
         form: `"robust"`, `"paper"`, `"paper_u"`.
         link_radius: Links are capsules of this radius, m (0.05).
-        branch: Signs (shoulder, elbow, wrist).
+        branch: Signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+"; default "+++".
         tau: Time constant, s (0.1).
         lambda_: Paper: share of the wish (0.5).
         gain: Paper: k of the force k/|d| (0.02).
@@ -2399,7 +2400,7 @@ class SwivelFlow:
         form: str = "robust",
         link_radius: float | None = None,
         *,
-        branch: Sequence[int] = ...,
+        branch: str | Sequence[int] | None = None,
         tau: float | None = None,
         lambda_: float | None = None,
         gain: float | None = None,
@@ -4210,7 +4211,18 @@ class RankedStart:
 
     @property
     def completed(self) -> bool:
-        """Whether the path is finished from here."""
+        """Whether the path is finished from here.
+
+        False as well where a joint leaves its limits on the way: `status` and `reason` say so.
+        """
+
+    @property
+    def status(self) -> Status:
+        """`converged`, `singular` where the critical point vanishes, `limits` where a joint breaks a limit."""
+
+    @property
+    def reason(self) -> str:
+        """What keeps it from completing the path; empty when it does."""
 
     @property
     def trajectory(self) -> FollowedOptimum:
@@ -4226,11 +4238,12 @@ def rank_starts(
     starts: int | None = None,
     step: float | None = None,
     threads: int | None = None,
-) -> list[RankedStart]:
+) -> RankedStarts:
     """Follows every critical point over the start of `path`.
 
     Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-    those that stop come after, the furthest first.
+    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list with
+    `status` and `reason`: why it is empty, or why no start completes the path.
 
     Args:
         chain: The arm.

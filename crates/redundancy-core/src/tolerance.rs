@@ -542,11 +542,12 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
 
 /// Share of the size of its terms below which the second derivative along the freedom counts as nearly singular: from
-/// there on the extended Jacobian damps the motion of the freedom.
+/// there on the extended Jacobian leaves the stationary point.
 pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
 
-/// Its largest damping factor, as a share of the same size.
-pub const ALGORITHMIC_DAMPING: f64 = 1e-3;
+/// Multiple of the fastest joint of the least motion that the task asks for up to which the extended Jacobian uses the
+/// freedom, where that is above the joints' speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
+pub const FREEDOM_SPEED_RATIO: f64 = 1.5;
 
 /// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
 /// its square.

@@ -22,7 +22,7 @@ use super::goal::{Goal, way_in};
 use super::newton::{NewtonProblem, NewtonRun, RunEnd, Workspace};
 use super::starts::{Starts, ranges};
 use crate::chain::Chain;
-use crate::criterion::{Criterion, check_dof};
+use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
 use crate::pose::{Pose, checked_pose};
@@ -158,7 +158,7 @@ impl IkSettings {
             return Err(Error::OutOfRange { what, value: 0.0, bound: ">= 1".into() });
         }
         if let Some(criterion) = &self.criterion {
-            check_dof(&**criterion, chain.dof())?;
+            criterion.check_arm(chain)?;
         }
         let whole = matches!(self.task.kind(), TaskKind::Pose | TaskKind::PoseRpy);
         self.descent.validate(chain)?;
@@ -454,10 +454,10 @@ impl IkSolver {
         let mut known = None;
         if let Some(form) = closed {
             let status = form.select(pose, q0, settings.criterion.as_deref(), &mut result.q);
-            if status != Status::Converged {
+            if matches!(status, Status::Limits | Status::Unreachable) {
                 known = Some(status);
                 result.proven = form.proves(pose);
-            } else {
+            } else if status == Status::Converged {
                 let run = problem.run(&goal, &mut result.q, &mut memory.work, RUN, true);
                 report(result, &run, Status::Converged);
                 if run.end == RunEnd::Converged {

@@ -6,7 +6,7 @@ use nalgebra::Vector6;
 
 use super::StepInput;
 use crate::chain::Chain;
-use crate::criterion::{self, Criterion};
+use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_vector};
 use crate::kinematics::{MiddleFrame, Scratch, Task};
 
@@ -38,7 +38,7 @@ impl Local {
             return Err(Error::Invalid(message));
         }
         if let Some(h) = &criterion {
-            criterion::check_dof(&**h, n)?;
+            h.check_arm(chain)?;
         }
         let shared = criterion.as_ref().is_some_and(|h| h.chain() == Some(chain));
         Ok(Self {
