@@ -4236,8 +4236,8 @@ def rank_starts(
     """Follows every critical point over the start of `path`.
 
     Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list with
-    `status` and `reason`: why it is empty, or why no start completes the path.
+    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
+    with `status` and `reason`: why it is empty, or why no start completes the path.
 
     Args:
         chain: The arm.
