@@ -2754,7 +2754,7 @@ class RetimedTrajectory(Trajectory):
         """Largest factor by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
 
 def retime(
-    chain: Chain,
+    chain: Chain | Any,
     trajectory: Trajectory | ArrayLike,
     *,
     tool_speed: float | None = None,
@@ -2765,6 +2765,7 @@ def retime(
     at_rest: bool = True,
     corner_angle: float = 0.02,
     dt: float | None = None,
+    rows_between: bool = True,
     gravity: ArrayLike = ...,
 ) -> RetimedTrajectory:
     """Times for a joint path: as fast as every limit allows, from rest to rest.
@@ -2788,6 +2789,8 @@ def retime(
         corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
             turning of a smooth curve from row to row does not count.
         dt: rows at these intervals (s) in place of the rows of the path.
+        rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
+            where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
         gravity: (3,) m/s^2, base frame.
 
     Returns:
@@ -2814,7 +2817,7 @@ def max_speed(
     q0: ArrayLike | None = None,
     tool: _Pose | None = None,
     torque_limits: Literal["chain"] | ArrayLike | None = ...,
-    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
     *,
     gravity: Sequence[float] = ...,
     joint_limits: bool = True,
@@ -2830,7 +2833,7 @@ def max_speed(
         q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
-        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
         gravity: m/s^2, world axes.
         joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
 
@@ -3001,6 +3004,23 @@ class Plan(Trajectory):
         ('converged', True, 50)
     """
 
+    def retime(self, chain: Chain | Any | None = None, **options: Any) -> RetimedTrajectory:
+        """Times for the rows of the plan: as fast as every limit allows, from rest to rest.
+
+        Args:
+            chain: the arm; a plan that comes straight from `rd.plan` knows it, one from a file or another planner does
+                not.
+            **options: the keyword arguments of `rd.retime`.
+
+        Returns:
+            What `rd.retime(chain, plan, **options)` returns.
+
+        Raises:
+            ValueError: an unknown arm, and what `rd.retime` raises.
+
+        Example:
+            >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
+        """
     @property
     def status(self) -> Status:
         """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
@@ -3149,7 +3169,7 @@ def plan_orientation(
     tool: _Pose | None = None,
     torque_limits: Literal["chain"] | ArrayLike | None = ...,
     torque_margin: float = 0.0,
-    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
     joint_limits: bool = True,
     max_rate: float | None = None,
     time_limit: float = 60.0,
@@ -3172,7 +3192,7 @@ def plan_orientation(
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
         torque_margin: Share of the torque limits that is kept free.
-        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
         joint_limits: Whether the position limits hold.
         max_rate: Largest rate of the tool's orientation, rad/s.
         time_limit: Seconds after which the best plan so far is returned.
@@ -4242,8 +4262,8 @@ def rank_starts(
     """Follows every critical point over the start of `path`.
 
     Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list with
-    `status` and `reason`: why it is empty, or why no start completes the path.
+    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
+    with `status` and `reason`: why it is empty, or why no start completes the path.
 
     Args:
         chain: The arm.

@@ -148,7 +148,8 @@ pub enum SpinArgument {
 /// Plans tilt and spin along a whole path.
 #[pyfunction(name = "plan_orientation")]
 #[pyo3(signature = (chain, path, half_angle, spin=SpinArgument::Word("free".into()), tool=None,
-    torque_limits=Some(JointLimits::Word("chain".into())), torque_margin=0.0, velocity_limits=None, joint_limits=true,
+    torque_limits=Some(JointLimits::Word("chain".into())), torque_margin=0.0,
+    velocity_limits=Some(JointLimits::Word("chain".into())), joint_limits=true,
     max_rate=None, time_limit=60.0, threads=None, *, orientation=None, gravity=STANDARD_GRAVITY, progress=None))]
 pub fn py_plan_orientation<'py>(
     py: Python<'py>,

@@ -3,10 +3,10 @@
 use pyo3::prelude::*;
 use redundancy_core::timing::{RetimeSettings, Retimed, retime};
 
-use crate::chain::PyChain;
 use crate::convert::{Gravity, STANDARD_GRAVITY, read_rows};
 use crate::error::to_py;
 use crate::path::PyTrajectory;
+use crate::plan::read_chain;
 use crate::speed::{JointLimits, read_limits};
 
 /// A joint path with its times.
@@ -84,10 +84,10 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 #[pyfunction]
 #[pyo3(name = "retime", signature = (chain, trajectory, *, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
     acceleration_limits=Some(JointLimits::Word("chain".into())), jerk_limits=None, torque_limits=None, at_rest=true, corner_angle=0.02,
-    dt=None, gravity=STANDARD_GRAVITY))]
+    dt=None, rows_between=true, gravity=STANDARD_GRAVITY))]
 pub fn py_retime<'py>(
     py: Python<'py>,
-    chain: &Bound<'py, PyChain>,
+    chain: &Bound<'py, PyAny>,
     trajectory: &Bound<'py, PyAny>,
     tool_speed: Option<f64>,
     velocity_limits: Option<JointLimits<'py>>,
@@ -97,8 +97,10 @@ pub fn py_retime<'py>(
     at_rest: bool,
     corner_angle: f64,
     dt: Option<f64>,
+    rows_between: bool,
     gravity: Gravity,
 ) -> PyResult<Bound<'py, PyRetimed>> {
+    let chain = read_chain(chain)?;
     let chain = &chain.get().chain;
     let (joints, n) = (chain.joints(), chain.dof());
     let q = match trajectory.cast::<PyTrajectory>() {
@@ -122,6 +124,7 @@ pub fn py_retime<'py>(
         at_rest,
         corner_angle,
         dt,
+        rows_between,
         gravity: gravity.into(),
     };
     let retimed = py.detach(|| retime(chain, &q, &settings)).map_err(to_py)?;

@@ -379,7 +379,7 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
 /// The largest constant tool speed over a path.
 #[pyfunction(name = "max_speed")]
 #[pyo3(signature = (chain, path, orientation_rule=None, q=None, q0=None, tool=None,
-    torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=None, *, gravity=STANDARD_GRAVITY,
+    torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=Some(JointLimits::Word("chain".into())), *, gravity=STANDARD_GRAVITY,
     joint_limits=true))]
 pub fn py_max_speed<'py>(
     py: Python<'py>,
