@@ -142,7 +142,7 @@ def robots() -> None:
     Example:  redundancy robots
     """
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in ("name", "arm", "joints", "reach (m)", "limits", "self-motion", "source"):
+    for column in ("name", "arm", "joints", "reach (m)", "limits", "closed form", "source"):
         right = column in {"joints", "reach (m)"}
         table.add_column(
             column, overflow="fold", justify="right" if right else "left", no_wrap=column == "name"
@@ -156,11 +156,8 @@ def robots() -> None:
             "torque": chain.effort_limit,
         }
         limits = " ".join(kind for kind, values in known.items() if np.isfinite(values).any()) or "none"
-        try:
-            rd.SrsArm(chain)
-            closed = "closed form"
-        except rd.NotSrsError:
-            closed = ""
+        form = rd.closed_form(chain)
+        closed = "" if form is None else form.name
         arm, source = SOURCES.get(name, ("", ""))
         table.add_row(name, arm, str(chain.dof), f"{_reach(chain):.3f}", limits, closed, source)
     # Into a file or a pipe one line per robot, whatever the width.
@@ -847,7 +844,7 @@ def _numbers(text: str, option: str, count: int) -> NDArray[np.float64]:
     except ValueError:
         values = np.array([])
     if len(values) != count or not np.isfinite(values).all():
-        raise rd.RedundancyError(f"{option} is '{text}', it must be {count} numbers with commas")
+        raise rd.RedundancyError(f"{option} is '{text}', it must be {count} comma-separated numbers")
     return values
 
 

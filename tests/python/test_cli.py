@@ -35,7 +35,8 @@ def test_robots_lists_the_catalogue(capsys):
     lines = out.splitlines()
     assert [line.split()[0] for line in lines[1:]] == rd.catalog.names()
     assert set(_commands.SOURCES) == set(rd.catalog.names())
-    assert "closed form" in next(line for line in lines if line.startswith("pa10"))
+    assert " srs " in next(line for line in lines if line.startswith("pa10"))
+    assert " panda_class " in next(line for line in lines if line.startswith("panda "))
 
 
 def test_track_writes_what_it_promises(capsys, raster, tmp_path):
