@@ -19,7 +19,7 @@ use crate::plan::read_chain;
 use crate::scene::{LinkRadius, PyScene};
 use crate::speed::{JointLimits, read_limits};
 
-/// One thing that is wrong with a trajectory.
+/// One thing that is wrong with a trajectory: an entry of `CheckReport.findings`.
 #[pyclass(name = "Finding", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyFinding {
@@ -45,49 +45,52 @@ impl PyFinding {
         Ok(Self { finding: Finding { kind, row, rows, t, joint, link, value, bound, message } })
     }
 
-    /// What is wrong.
+    /// What is wrong: one word.
+    ///
+    /// `position`, `velocity`, `acceleration`, `jerk`, `torque`, `step`, `not_at_rest`, `winding`, `singularity`,
+    /// `self_collision`, `collision`, `path_deviation` or `time`.
     #[getter]
     fn kind(&self) -> &'static str {
         self.finding.kind.as_str()
     }
 
-    /// How bad it is.
+    /// `winding` and `singularity` are warnings, the others errors.
     #[getter]
     fn severity(&self) -> &'static str {
         self.finding.severity().as_str()
     }
 
-    /// The row nearest to the worst place.
+    /// The row nearest to the worst place, from 0.
     #[getter]
     fn row(&self) -> usize {
         self.finding.row
     }
 
-    /// First and last row with this fault.
+    /// First and last row of the part of the motion with this fault.
     #[getter]
     fn rows(&self) -> (usize, usize) {
         self.finding.rows.into()
     }
 
-    /// Time of the worst place.
+    /// Time of the worst place, s.
     #[getter]
     fn t(&self) -> f64 {
         self.finding.t
     }
 
-    /// The joint.
+    /// The joint, where it is one joint's fault.
     #[getter]
     fn joint(&self) -> Option<&str> {
         self.finding.joint.as_deref()
     }
 
-    /// The link.
+    /// The link, where it is one link's.
     #[getter]
     fn link(&self) -> Option<&str> {
         self.finding.link.as_deref()
     }
 
-    /// What was measured.
+    /// What was measured, in the unit of `bound`.
     #[getter]
     fn value(&self) -> f64 {
         self.finding.value
@@ -118,7 +121,7 @@ impl PyFinding {
     }
 }
 
-/// What `check` found.
+/// What `check` found. It is true when there is no error; its length is the number of rows.
 #[pyclass(name = "CheckReport", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyCheckReport {
@@ -133,31 +136,31 @@ impl PyCheckReport {
         Self { report: CheckReport { findings, rows, judged } }
     }
 
-    /// The findings by row.
+    /// By row, then by kind.
     #[getter]
     fn findings(&self) -> Vec<PyFinding> {
         self.report.findings.iter().map(|finding| PyFinding { finding: finding.clone() }).collect()
     }
 
-    /// No error.
+    /// No error; there may be warnings.
     #[getter]
     fn ok(&self) -> bool {
         self.report.ok()
     }
 
-    /// Whether the rows are a motion that could be judged.
+    /// False where times do not increase: the rows are then no motion, and their times are the only findings.
     #[getter]
     fn judged(&self) -> bool {
         self.report.judged
     }
 
-    /// Findings that are errors.
+    /// Number of findings that are errors.
     #[getter]
     fn errors(&self) -> usize {
         self.report.count(Severity::Error)
     }
 
-    /// Findings that are warnings.
+    /// Number of findings that are warnings.
     #[getter]
     fn warnings(&self) -> usize {
         self.report.count(Severity::Warning)
@@ -260,13 +263,58 @@ fn rows_of_archive(archive: &Bound<'_, PyAny>, chain_names: &[String]) -> PyResu
     JointRows::new(names, t, q, qd, qdd, sections).map_err(to_py)
 }
 
-/// Checks a trajectory.
+/// A linter for joint trajectories: whether the arm can run what the rows say.
+///
+/// Judged is what `Trajectory.sample` makes of the rows, between them as well. Neighbouring intervals with the same
+/// fault of the same joint are one finding.
+///
+/// Args:
+///     chain: The arm, or an arm object.
+///     trajectory: A trajectory or plan, or a file of any origin: JSON (ROS `JointTrajectory`), CSV or npz. The joints
+///         may be in any order.
+///     path: What the tool should follow, rows of the sections `lead_in` and `lead_out` excepted.
+///     scene: What is in the way.
+///     links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+///     velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
+///     acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
+///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.
+///     torque_limits: `(n,)` N m or N, `"chain"`, or None for off (default); needs a chain with inertias.
+///     at_rest: Whether the first and the last row must be at rest.
+///     tolerance: Share of a limit by which it may be exceeded, 0.001 by default. What the rounding of times to
+///         nanoseconds adds is left out as well.
+///     position_tolerance: Largest distance from the path, m; 0.001 by default.
+///     orientation_tolerance: Largest angle from the path's orientation, rad, 0.01 by default; None for off, as for a
+///         plan with a free tool.
+///     singularity: Ratio of the least to the largest singular value of the Jacobian below which a row is near a
+///         singularity, 0.001 by default; 0 is off.
+///     clearance: Least distance from obstacles, m.
+///     gravity: `(3,)` m/s^2, world axes.
+///     threads: Threads; all cores by default.
+///
+/// Raises:
+///     RedundancyError: Joints that are missing or not the chain's, positions that seem to be in degrees, no rows,
+///         settings out of range.
+///     FileFormatError: A file that cannot be read.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("panda")
+///     >>> move = rd.retime(arm, [[0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0]])
+///     >>> rd.check(arm, move).ok
+///     True
+///     >>> fast = rd.Trajectory(move.joint_names, move.t / 2, move.q, 2 * move.qd)
+///     >>> sorted({finding.kind for finding in rd.check(arm, fast).findings})
+///     ['acceleration', 'velocity']
 #[pyfunction]
 #[pyo3(name = "check", signature = (chain, trajectory, path=None, *, scene=None, links=None,
     velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
     jerk_limits=None, torque_limits=None, at_rest=true, tolerance=None, position_tolerance=None,
     orientation_tolerance=Some(CheckOrientation::Default), singularity=None, clearance=0.0, gravity=STANDARD_GRAVITY,
-    threads=None))]
+    threads=None),
+    text_signature = "(chain, trajectory, path=None, *, scene=None, links=None, velocity_limits=\"chain\", \
+    acceleration_limits=\"chain\", jerk_limits=None, torque_limits=None, at_rest=True, tolerance=None, \
+    position_tolerance=None, orientation_tolerance=0.01, singularity=None, clearance=0.0, \
+    gravity=(0.0, 0.0, -9.81), threads=None)")]
 pub fn py_check<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,
@@ -341,11 +389,36 @@ impl<'py> FromPyObject<'_, 'py> for CheckOrientation {
     }
 }
 
-/// A straight move in joint space.
+/// A straight move in joint space from rest to rest, as fast as the limits allow, checked before it is returned.
+///
+/// Args:
+///     chain: The arm, or an arm object.
+///     q_from: `(n,)` where the arm is, rad or m.
+///     q_to: `(n,)` where it should be.
+///     scene: What is in the way.
+///     links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+///     velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None.
+///     acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None; each joint needs one.
+///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+///     clearance: Least distance from obstacles, m.
+///
+/// Raises:
+///     CannotFollowError: The move touches something or leaves the joint limits; the message says which link and
+///         obstacle, or which joint, and when.
+///     RedundancyError: Wrong lengths, invalid limits, a joint without an acceleration limit.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("panda")
+///     >>> move = rd.joint_move(arm, [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0])
+///     >>> rd.check(arm, move).ok
+///     True
 #[pyfunction]
 #[pyo3(name = "joint_move", signature = (chain, q_from, q_to, *, scene=None, links=None,
     velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
-    jerk_limits=None, clearance=0.0))]
+    jerk_limits=None, clearance=0.0),
+    text_signature = "(chain, q_from, q_to, *, scene=None, links=None, velocity_limits=\"chain\", \
+    acceleration_limits=\"chain\", jerk_limits=None, clearance=0.0)")]
 pub fn py_joint_move<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,

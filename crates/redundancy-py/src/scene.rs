@@ -36,6 +36,11 @@ fn velocity_text(obstacle: &Obstacle) -> String {
 }
 
 /// A ball.
+///
+/// Args:
+///     center: `(3,)`, m, world axes.
+///     radius: m, not negative.
+///     velocity: `(3,)`, m/s, of an obstacle that moves.
 #[pyclass(name = "Sphere", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PySphere {
@@ -53,7 +58,7 @@ impl PySphere {
         Ok(Self { obstacle, sphere })
     }
 
-    /// Centre, m.
+    /// Centre `(3,)`, m.
     #[getter]
     fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.sphere.center.as_slice())
@@ -65,7 +70,7 @@ impl PySphere {
         self.sphere.radius
     }
 
-    /// Velocity, m/s.
+    /// Velocity `(3,)`, m/s.
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
@@ -90,6 +95,11 @@ impl PySphere {
 }
 
 /// A box with any orientation.
+///
+/// Args:
+///     pose: Its centre and its axes.
+///     half_extents: `(3,)`, half of its edges, m.
+///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
 #[pyclass(name = "Box", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyBox {
@@ -117,13 +127,13 @@ impl PyBox {
         Ok(to_array(py, &pose_to_row_major(&self.cuboid.pose), [4, 4])?.into_any())
     }
 
-    /// Half of its edges, m.
+    /// Half of its edges `(3,)`, m.
     #[getter]
     fn half_extents<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.cuboid.half_extents.as_slice())
     }
 
-    /// Velocity, m/s.
+    /// Velocity `(3,)`, m/s.
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
@@ -151,6 +161,12 @@ impl PyBox {
 }
 
 /// All points within `radius` of a segment.
+///
+/// Args:
+///     start: `(3,)`, m, world axes.
+///     end: `(3,)`, m.
+///     radius: m, not negative.
+///     velocity: `(3,)`, m/s, of an obstacle that moves.
 #[pyclass(name = "Capsule", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyCapsule {
@@ -177,13 +193,13 @@ impl PyCapsule {
         Ok(Self { obstacle, capsule })
     }
 
-    /// One end of the segment, m.
+    /// One end of the segment `(3,)`, m.
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.capsule.start.as_slice())
     }
 
-    /// The other end, m.
+    /// The other end `(3,)`, m.
     #[getter]
     fn end<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.capsule.end.as_slice())
@@ -195,7 +211,7 @@ impl PyCapsule {
         self.capsule.radius
     }
 
-    /// Velocity, m/s.
+    /// Velocity `(3,)`, m/s.
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
@@ -228,7 +244,18 @@ pub enum AnyObstacle<'py> {
     Capsule(Bound<'py, PyCapsule>),
 }
 
-/// Obstacles in the world.
+/// Obstacles in the world. Immutable.
+///
+/// Args:
+///     obstacles: Any number of `Sphere`, `Box` and `Capsule`.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("pa10")  # stretched upwards at q = 0, elbow at z = .765
+///     >>> scene = rd.Scene([rd.Sphere((0.0, 0.3, 0.9), radius=0.1)])
+///     >>> near = scene.clearance(arm, [0.0] * 7, link_radius=0.05)
+///     >>> round(near.distance, 12), near.link, near.obstacle
+///     (0.15, 'link5', 0)
 #[pyclass(name = "Scene", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyScene {
@@ -265,7 +292,16 @@ impl PyScene {
         Ok(Self { scene: Scene::of_obstacles(list).map_err(to_py)? })
     }
 
-    /// From a file.
+    /// From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...]}`.
+    ///
+    /// A box has `center`, `half_extents` and `quaternion_wxyz` (may be left out), a capsule `start`, `end`, `radius`;
+    /// any may have a `velocity`.
+    ///
+    /// Args:
+    ///     path: The file.
+    ///
+    /// Raises:
+    ///     RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
     #[staticmethod]
     fn from_json(path: std::path::PathBuf) -> PyResult<Self> {
         Ok(Self { scene: Scene::from_json_file(path).map_err(to_py)? })
@@ -277,7 +313,7 @@ impl PyScene {
         Ok(Self { scene: Scene::from_json(text).map_err(to_py)? })
     }
 
-    /// As JSON text.
+    /// As JSON text, as `from_json` reads it.
     fn to_json(&self) -> String {
         self.scene.to_json()
     }
@@ -296,7 +332,7 @@ impl PyScene {
         self.scene.obstacles().iter().map(one).collect()
     }
 
-    /// The scene at time `t`.
+    /// The scene at time `t` (s): moving obstacles are elsewhere.
     fn at(&self, t: f64) -> PyResult<Self> {
         if !t.is_finite() {
             return Err(to_py(Error::NotFinite { what: "t".into(), index: 0, value: t }));
@@ -304,7 +340,15 @@ impl PyScene {
         Ok(Self { scene: self.scene.at(t) })
     }
 
-    /// The nearest pair of link and obstacle, of one configuration or of many.
+    /// The nearest pair of a link and an obstacle.
+    ///
+    /// Links are capsules from joint to joint and from the last joint to the tool.
+    ///
+    /// Args:
+    ///     chain: The arm.
+    ///     q: `(n,)` or `(N, n)`.
+    ///     link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(
         signature = (chain, q, link_radius=None, *, threads=None),
         text_signature = "($self, chain, q, link_radius=0.05, *, threads=None)"
@@ -348,7 +392,23 @@ impl PyScene {
 
 type CapsuleParts = (String, [f64; 3], [f64; 3], f64);
 
-/// The arm as rounded segments: what of it can touch an obstacle.
+/// The arm as rounded segments that move with it: what of it can touch an obstacle.
+///
+/// Capsules of one radius from joint to joint and from the last joint to the tool, or the primitive collision geometry
+/// of a URDF, with more capsules (a tool, a hose, a camera) where wanted. It goes where a `link_radius` goes in
+/// `Scene.clearance` and `Clearance`.
+///
+/// Args:
+///     chain: The arm.
+///     radius: Of the capsules, m, >= 0.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("pa10")
+///     >>> gripper = rd.LinkGeometry(arm, 0.05).with_capsule("link7", [0, 0, 0], [0, 0, 0.2], 0.04)
+///     >>> scene = rd.Scene([rd.Sphere([0.0, 0.3, 0.765], 0.1)])
+///     >>> round(scene.clearance(arm, [0.0] * 7, gripper).distance, 12)
+///     0.15
 #[pyclass(name = "LinkGeometry", module = "redundancy", frozen)]
 pub struct PyLinkGeometry {
     chain: Py<PyChain>,
@@ -369,20 +429,42 @@ impl PyLinkGeometry {
     }
 
     /// The primitive collision geometry of a URDF file, each body as the capsule around it.
+    ///
+    /// Spheres and capsules are exact; a cylinder gets half a ball on each end, a box the least capsule along its
+    /// longest edge that holds it: never too small, so what is clear is clear. Links that are fixed to a link of the
+    /// chain belong to it; what does not move with the chain is left out.
+    ///
+    /// Args:
+    ///     chain: The arm.
+    ///     path: The URDF file.
+    ///
+    /// Raises:
+    ///     RedundancyError: A file that is no URDF, none of its links in the chain, no collision geometry on the moving
+    ///         links, a mesh or an unknown shape, a size that is not positive; the message names the link.
     #[staticmethod]
     fn from_urdf(chain: Py<PyChain>, path: std::path::PathBuf) -> PyResult<Self> {
         let bodies = chain.get().chain.collision_from_urdf(path).map_err(to_py)?;
         Self::of_bodies(chain, &bodies)
     }
 
-    /// The same from the text of a URDF.
+    /// The same from the text of a URDF; see `from_urdf`.
+    ///
+    /// Args:
+    ///     chain: The arm.
+    ///     xml: Text of the URDF.
     #[staticmethod]
     fn from_urdf_string(chain: Py<PyChain>, xml: &str) -> PyResult<Self> {
         let bodies = chain.get().chain.collision_from_urdf_string(xml).map_err(to_py)?;
         Self::of_bodies(chain, &bodies)
     }
 
-    /// With one more capsule, given in the frame of a link.
+    /// With one more capsule.
+    ///
+    /// Args:
+    ///     link: Name of a moving link.
+    ///     start: `(3,)` one end in the frame of that link, m.
+    ///     end: `(3,)` the other end, m.
+    ///     radius: m, >= 0.
     fn with_capsule(
         &self,
         py: Python<'_>,
@@ -401,7 +483,7 @@ impl PyLinkGeometry {
         self.geometry.capsules().len()
     }
 
-    /// Name of the link and radius of each segment.
+    /// Name of the link and radius (m) of each segment.
     #[getter]
     fn capsules(&self) -> Vec<(String, f64)> {
         let links = self.chain.get().chain.links();
@@ -485,7 +567,7 @@ impl LinkRadius<'_> {
     }
 }
 
-/// How near an arm is to a scene: of one configuration, or of N as arrays.
+/// How near an arm is to a scene: of one configuration, or arrays for N of them.
 #[pyclass(name = "ClearanceResult", module = "redundancy", frozen)]
 pub struct PyClearance {
     pairs: Vec<Option<NearestPair>>,
@@ -528,7 +610,7 @@ impl PyClearance {
 
 #[pymethods]
 impl PyClearance {
-    /// Signed distance, m; infinite for an empty scene.
+    /// Signed distance, m: negative in a collision; `(N,)` for a batch. Infinite for an empty scene.
     #[getter]
     fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values: Vec<f64> =
@@ -539,19 +621,19 @@ impl PyClearance {
         }
     }
 
-    /// Name of the link; `None` for an empty scene.
+    /// Name of the nearest link (a list for a batch); `None` for an empty scene.
     #[getter]
     fn link<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.each(py, |pair| self.links.get(pair.link).cloned().unwrap_or_default())
     }
 
-    /// Index of the obstacle; `None` for an empty scene.
+    /// Index of the nearest obstacle in the scene (a list for a batch); `None` for an empty scene.
     #[getter]
     fn obstacle<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.each(py, |pair| pair.obstacle)
     }
 
-    /// The nearest point of the link's surface, `(3,)` or `(N, 3)`.
+    /// The nearest point of the link's surface, `(3,)` or `(N, 3)`, m; `None` for an empty scene.
     #[getter]
     fn on_link<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.points(py, |pair| pair.on_link)
