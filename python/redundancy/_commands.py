@@ -189,6 +189,10 @@ def track(
     swivel: Annotated[
         str, typer.Option(help="auto, or the angle of the elbow to hold, in degrees.")
     ] = "auto",
+    desired_swivel: Annotated[
+        float | None,
+        typer.Option(help="Angle of the elbow to keep near, in degrees, where limits and obstacles allow."),
+    ] = None,
     branch: Annotated[
         str, typer.Option(help="auto, or signs of shoulder, elbow, wrist such as +++ or +-+.")
     ] = "auto",
@@ -215,11 +219,27 @@ def track(
     Example:  redundancy track --robot pa10 --path path.csv --out run/
     Example:  redundancy track --robot arm.urdf --base base_link --tip tool0 --path path.csv --swivel 30 --out run/
     Example:  redundancy track --robot pa10 --path path.csv --obstacles scene.json --plan whole --out run/
+    Example:  redundancy track --robot pa10 --path path.csv --obstacles scene.json --desired-swivel -90 --out run/
     """
     if plan not in {"whole", "flow"}:
         raise rd.RedundancyError(f"--plan is '{plan}', it must be whole or flow")
-    way = Way(obstacles, plan, clearance, link_radius, cyclic)
+    if desired_swivel is not None and swivel != "auto":
+        raise rd.RedundancyError("--swivel holds the elbow, --desired-swivel only draws it: give one of them")
+    if desired_swivel is not None and not np.isfinite(desired_swivel):
+        raise rd.RedundancyError(
+            f"--desired-swivel is {desired_swivel}, it must be a finite angle in degrees"
+        )
+    desired = None if desired_swivel is None else float(np.deg2rad(desired_swivel))
+    way = Way(obstacles, plan, clearance, link_radius, cyclic, desired)
     Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way).run()
+
+
+def _first_fault(plan: rd.SwivelPlan, points: int) -> int:
+    """The first row that a plan reports: without a configuration, beyond a limit, a jump, or in contact."""
+    rows = [*plan.blocked, *plan.reconfigurations, *(event.index for event in plan.events)]
+    if plan.clearance is not None:
+        rows += np.flatnonzero(plan.clearance < 0.0).tolist()
+    return int(min([*rows, points - 1]))
 
 
 @dataclass
@@ -231,6 +251,7 @@ class Way:
     clearance: float = 0.03
     link_radius: float = 0.05
     cyclic: bool = False
+    desired: float | None = None
     scene: rd.Scene | None = None
 
 
@@ -281,6 +302,7 @@ class Job:
             "points": len(path),
             "length_m": path.length,
             "swivel_held_rad": self.swivel,
+            "swivel_desired_rad": self.way.desired,
         }
         with _progress(len(path)) as progress:
             try:
@@ -357,6 +379,7 @@ class Job:
                 path,
                 self.way.scene,
                 self.way.cyclic,
+                self.way.desired,
                 fixed=self.swivel,
                 branch=self.branch,
                 wanted_clearance=self.way.clearance,
@@ -369,7 +392,7 @@ class Job:
             for e in plan.events
         ]
         if plan.status != rd.Status.CONVERGED:
-            self.summary["first_point"] = min([*plan.blocked, *plan.reconfigurations, len(path) - 1])
+            self.summary["first_point"] = _first_fault(plan, len(path))
             raise CannotFollowError(plan.reason)
         return plan
 
@@ -379,6 +402,7 @@ class Job:
             arm,
             rd.Path(path.poses[:2]),
             self.way.scene,
+            desired=self.way.desired,
             fixed=self.swivel,
             branch=self.branch,
             wanted_clearance=self.way.clearance,
@@ -388,10 +412,11 @@ class Job:
             self.summary |= {"status": str(start.status), "events": [], "first_point": 0}
             raise CannotFollowError(start.reason)
         s0 = float(start.swivel[0])
+        wanted = next((s for s in (self.swivel, self.way.desired) if s is not None), s0)
         first, second, third = (int(sign) for sign in start.branch[0])
         flow = rd.SwivelFlow(
             arm,
-            s0 if self.swivel is None else self.swivel,
+            wanted,
             self.way.scene,
             link_radius=self.way.link_radius,
             branch=(first, second, third),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
+from redundancy._ranked import RankedStarts
 from redundancy.status import EventKind, Kind, Status
 
 # A (4, 4) array, or an object with `homogeneous`, `as_matrix()` or `A`.
@@ -1177,6 +1178,23 @@ class Resolver:
     @property
     def basis(self) -> list[int]:
         """Dependent joints of the last step, from 0; empty for schemes that have none."""
+    def jacobian(self, q: ArrayLike) -> NDArray[np.float64]:
+        """The Jacobian in whose coordinates the scheme solves.
+
+        Args:
+            q: Joint positions `(n,)`, rad or m.
+
+        Returns:
+            `(m, n)`: that of the task; with `frame=` the one about the origin and in the axes of that link
+            (Bettini, De Luca, Oriolo 2000, eq. 7). Singular values, and so damping and the choice of a basis, are its
+            own.
+
+        Raises:
+            RedundancyError: A wrong size, or numbers that are not finite.
+        """
+    @property
+    def frame(self) -> str | None:
+        """The link in whose frame the scheme works; None for the task's own coordinates."""
 
 @final
 class ProjectedGradient(Resolver):
@@ -1192,6 +1210,13 @@ class ProjectedGradient(Resolver):
             after `dt` within position and velocity limits (section 4.4).
         task: Which coordinates count; `pose` by default.
         damping: `"auto"`, a `Damping`, or None for off.
+        frame: Name of the link in whose axes and about whose origin the six coordinates of `pose` or `pose_rpy` are
+            written inside (eq. 7): damping then acts on the singular values of that Jacobian. Velocities and task
+            errors are given as before.
+
+    Raises:
+        RedundancyError: A task with more coordinates than joints, a criterion of another arm, a gain that is negative
+            or not finite, an unknown link, a `frame` for another task.
 
     Example:
         >>> import redundancy as rd
@@ -1209,6 +1234,8 @@ class ProjectedGradient(Resolver):
         gain: float | Literal["optimal"],
         task: _Task | None = None,
         damping: _Damping = "auto",
+        *,
+        frame: str | None = None,
     ) -> Self: ...
 
 @final
@@ -1227,6 +1254,15 @@ class ReducedGradient(Resolver):
         damping: As for `ProjectedGradient`; acts only where no basis is good.
         basis: Dependent joints, from 0, as many as the task has coordinates; they are then kept. The paper's DEXTER
             with "columns 2 and 7 deleted" is `(0, 2, 3, 4, 5, 7)`.
+        frame: As for `ProjectedGradient`: the paper's DEXTER works in `"link4"`.
+        form: `"robust"`: the freedom never moves the tool. `"paper"`: eq. 4 as printed, with the damped inverse also in
+            `J_R`, so that under damping it does.
+        schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
+            over three steps and reported. Needs `basis` for the start, and `dt` in every step.
+
+    Raises:
+        RedundancyError: As for `ProjectedGradient`; a basis of another size, with a joint twice or one that there is
+            not; a schedule without `basis`, or whose times do not ascend; an unknown form.
     """
 
     def __new__(
@@ -1237,6 +1273,10 @@ class ReducedGradient(Resolver):
         task: _Task | None = None,
         damping: _Damping = "auto",
         basis: Sequence[int] | None = None,
+        *,
+        frame: str | None = None,
+        form: Literal["robust", "paper"] = "robust",
+        schedule: Sequence[tuple[float, Sequence[int]]] | None = None,
     ) -> Self: ...
 
 @final
@@ -1554,6 +1594,43 @@ class SelfMotion:
         outer joints may share their sum in any way, beside the branches.
         """
     @property
+    def center(self) -> NDArray[np.float64]:
+        """Centre of the elbow's circle in the world, `(3,)`, m (Moore & Oztop 2010, fig. 3)."""
+    @property
+    def axis(self) -> NDArray[np.float64]:
+        """Unit vector from shoulder to wrist in the world, `(3,)`: the paper's n, the axis of the elbow's circle."""
+    @property
+    def radius(self) -> float:
+        """Radius of the elbow's circle, m: the paper's rho; 0 for the stretched and the folded arm."""
+    @property
+    def frame(self) -> NDArray[np.float64]:
+        """Axes `[x, y, k]` in the world, `(3, 3)`, of the frame in which the paper's quaternions are written.
+
+        k is the axis of joint 1 (or the chart's reference), x the base's x projected: for a PA10 that stands at the
+        origin the identity.
+        """
+    @property
+    def q_a(self) -> NDArray[np.float64]:
+        """The paper's q_A (eq. 14), `(w, x, y, z)`: turns x, y, k into the directions of s = 0, s = pi/2 and n.
+
+        Its angle is `acos(k . n)`; the vector part is along k x n.
+        """
+    def elbow(self, s: float | ArrayLike) -> NDArray[np.float64]:
+        """The elbow in the world at a swivel: the paper's p_E (eq. 15).
+
+        It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the
+        elbow's axis nearest to shoulder and wrist.
+
+        Args:
+            s: Swivel, rad, or `(N,)`.
+
+        Returns:
+            `(3,)` or `(N, 3)`, m.
+
+        Raises:
+            RedundancyError: A swivel that is not finite.
+        """
+    @property
     def branches(self) -> list[Branch]:
         """The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach."""
     def best(self, criterion: Criterion) -> Choice:
@@ -1592,6 +1669,34 @@ class Branch:
 
         Args:
             s: Swivel, rad: a number or `(N,)`.
+        """
+    def windings(self, s: float) -> NDArray[np.float64]:
+        """Every configuration within the limits at a swivel: all windings of all joints.
+
+        Args:
+            s: Swivel, rad.
+
+        Returns:
+            `(k, 7)`, ascending by the first joint that differs; joints without limits keep their principal value.
+            `(0, 7)` where the branch breaks a limit here.
+
+        Raises:
+            RedundancyError: A swivel that is not finite.
+        """
+    def quaternions(
+        self, s: float | ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """The paper's quaternions at a swivel (Moore & Oztop 2010, eqs 22 to 27), in `SelfMotion.frame`.
+
+        Args:
+            s: Swivel, rad, or `(N,)`.
+
+        Returns:
+            `(q_3, q_4, conj(q_4) q)`, each `(4,)` or `(N, 4)`, `(w, x, y, z)`: the orientations of upper arm and
+            forearm, z along the link and y along the axis of joint 4, and what joints 5 to 7 turn.
+
+        Raises:
+            RedundancyError: A swivel that is not finite.
         """
     def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
         """Where all joint limits hold with `margin` (rad, from each limit): `(k, 2)`, exact.
@@ -1683,7 +1788,8 @@ class IkSolver:
         restarts: Most starts after the first.
         criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
             closed form to the best value over all configurations.
-        orientation_set: `Cone` or `QuaternionVolume` of orientations that count as reached, instead of the target's.
+        orientation_set: `Cone`, `QuaternionVolume` or `OrientationSet` of orientations that count as reached, instead
+            of the target's.
         closed_form: Whether the closed form is used where the arm has one.
         time_limit: Seconds after which the best configuration so far is returned.
         position_weight: Weight of the squared distance (1/m^2) in the cost of the descent algorithms and of `trace`.
@@ -1716,7 +1822,7 @@ class IkSolver:
         max_iterations: int | None = None,
         restarts: int | None = None,
         criterion: Criterion | None = None,
-        orientation_set: Cone | QuaternionVolume | None = None,
+        orientation_set: Cone | QuaternionVolume | OrientationSet | None = None,
         closed_form: bool = True,
         *,
         time_limit: float | None = None,
@@ -2408,7 +2514,7 @@ def plan_swivel(
     velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     *,
     fixed: float | ArrayLike | None = None,
-    branch: tuple[int, int, int] | None = None,
+    branch: str | Sequence[int] | None = None,
     margin: float = 0.0,
     swivels: int | None = None,
     limit_weight: float | None = None,
@@ -2435,7 +2541,7 @@ def plan_swivel(
         wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
         link_radius: Links are capsules of this radius, m (0.05).
         fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
-        branch: Keep to these signs (shoulder, elbow, wrist).
+        branch: Keep to these signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+".
         margin: Distance kept from every joint limit, rad.
         velocity_limits: `"chain"` (default), `(7,)` rad/s, or `None` for off.
         swivels: Grid cells of the circle (180).
@@ -2467,7 +2573,7 @@ class SwivelFlow:
         scene: Obstacles.
         form: `"robust"`, `"paper"`, `"paper_u"`.
         link_radius: Links are capsules of this radius, m (0.05).
-        branch: Signs (shoulder, elbow, wrist).
+        branch: Signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+"; default "+++".
         tau: Time constant, s (0.1).
         lambda_: Paper: share of the wish (0.5).
         gain: Paper: k of the force k/|d| (0.02).
@@ -2487,7 +2593,7 @@ class SwivelFlow:
         form: str = "robust",
         link_radius: float | None = None,
         *,
-        branch: Sequence[int] = (1, 1, 1),
+        branch: str | Sequence[int] | None = None,
         tau: float | None = None,
         lambda_: float | None = None,
         gain: float | None = None,
@@ -3385,6 +3491,10 @@ class Cone:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
             threads: Threads for a batch; all cores when left out.
         """
+    def __and__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+        """The intersection with another set, an `OrientationSet`."""
+    def __or__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+        """The union with another set, an `OrientationSet`."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __getnewargs__(self) -> tuple[list[float], list[float], float]: ...
@@ -3467,14 +3577,14 @@ class Spin:
 
 @final
 class QuaternionVolume:
-    """A set of orientations: one to three rotations about fixed axes within bounds, or a cone.
+    """A set of orientations: rotations about fixed axes within bounds, or a cone.
 
     `q` is in the set when it is `P * Q(phi_1, n_1) * ... * Q(phi_k, n_k) * S` with every angle in its range
     [FromGravdahl2007, eqs. (6), (7), (12)]. Ranges are pairs (low, high) in rad; one of a full turn or more is
     free. Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
 
     Raises:
-        RedundancyError: no or more than three axes, parallel consecutive axes, an axis without length, a bound that
+        RedundancyError: no axes, parallel consecutive axes, an axis without length, a bound that
             is not finite, a lower above its upper bound, a quaternion that is not of unit norm.
 
     Example:
@@ -3523,7 +3633,7 @@ class QuaternionVolume:
         """
     @staticmethod
     def from_axes(axes: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> QuaternionVolume:
-        """One to three rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad.
+        """Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost.
 
         Args:
             axes: `(k, 3)`, k from 1 to 3.
@@ -3545,7 +3655,8 @@ class QuaternionVolume:
         """Signed margin, >= 0 inside: a float, or `(N,)`.
 
         For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`; pi without any bound,
-        and minus the angle (rad) from a set of fewer than three rotations when `q` is off it.
+        and minus the angle (rad) from a set of fewer than three rotations when `q` is off it. With more than three
+        rotations, which write `q` in a family of ways, of the way that stays farthest from the bounds (to 1e-9 rad).
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
@@ -3553,6 +3664,8 @@ class QuaternionVolume:
         """
     def angles(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Angles of `q` in the sequence, rad, `(k,)` or `(N, k)`; for a cone the ZYZ angles seen from its axis.
+
+        Of the ways to write `q` the one that stays farthest from the bounds.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
@@ -3604,6 +3717,113 @@ class QuaternionVolume:
         before: Sequence[float],
         after: Sequence[float],
     ) -> QuaternionVolume: ...
+    def __and__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+        """The intersection with another set, an `OrientationSet`."""
+    def __or__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+        """The union with another set, an `OrientationSet`."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, Any]: ...
+
+@final
+class OrientationSet:
+    """Intersections and unions of cones and quaternion volumes: `A & B`, `A | B`.
+
+    Membership, margin, nearest member and uniform samples of what several sets have in common, or hold together. Made
+    by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The
+    papers define the parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`,
+    `(4,)` or `(N, 4)`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> tool = rd.Cone.z([0, 0, 1], 0.5) & rd.Cone.x([1, 0, 0], 0.8)
+        >>> tool.contains([1, 0, 0, 0]), len(tool.parts), tool.operation
+        (True, 2, 'and')
+        >>> either = tool | rd.Cone.downward(0.3)
+        >>> either.contains([0, 0, 1, 0])
+        True
+    """
+
+    @property
+    def operation(self) -> Literal["and", "or"]:
+        """`"and"` (an intersection) or `"or"` (a union)."""
+    @property
+    def parts(self) -> list[Cone | QuaternionVolume | OrientationSet]:
+        """What it is made of: cones, volumes and sets of the other operation."""
+    def contains(self, q: ArrayLike, tol: float = 1e-9, *, threads: int | None = None) -> Any:
+        """Whether `q` is a member: of all parts of an intersection, of one part of a union.
+
+        Args:
+            q: `(w, x, y, z)`, `(4,)` or `(N, 4)`, unit norm.
+            tol: Tolerance of each part, rad (of a cone in its margin's unit), >= 0.
+            threads: Size of the pool; all cores by default.
+
+        Returns:
+            A bool, or `(N,)`.
+
+        Raises:
+            RedundancyError: A quaternion that is not of unit norm, a tolerance that is negative or no number.
+        """
+    def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
+        """Signed margin, >= 0 inside: the least of an intersection's parts, the largest of a union's.
+
+        The sign is exact. Each part has its own unit: rad for sequences of rotations, that of `Cone` for cones.
+
+        Args:
+            q: `(w, x, y, z)`, `(4,)` or `(N, 4)`, unit norm.
+            threads: Size of the pool; all cores by default.
+
+        Returns:
+            A float, or `(N,)`.
+
+        Raises:
+            RedundancyError: A quaternion that is not of unit norm.
+        """
+    def nearest(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
+        """The member nearest to `q`, on its side of the double cover; `q` itself when it is a member.
+
+        Of unions and of intersections whose nearest point lies on the boundary of one part it is exact to rounding;
+        where it lies on an edge between parts it is found by alternating projections, to some 1e-6 rad.
+
+        Args:
+            q: `(w, x, y, z)`, `(4,)` or `(N, 4)`, unit norm.
+            threads: Size of the pool; all cores by default.
+
+        Returns:
+            `(4,)` or `(N, 4)`.
+
+        Raises:
+            RedundancyError: A quaternion that is not of unit norm; an intersection of which no member is found.
+        """
+    def sample(self, n: int, seed: int = 0) -> NDArray[np.float64]:
+        """Members, uniform with respect to the invariant measure of rotations.
+
+        Args:
+            n: How many.
+            seed: The same seed gives the same bits.
+
+        Returns:
+            `(n, 4)`, `(w, x, y, z)`.
+
+        Raises:
+            RedundancyError: No member among 200 000 draws: the set is empty, or too small beside its parts.
+        """
+    def reoriented(self, p: ArrayLike, side: Literal["left", "right"] = "left") -> OrientationSet:
+        """`P * A` (left: the set moves in the reference frame) or `A * P` (right: another body frame).
+
+        Args:
+            p: `(w, x, y, z)`, `(4,)`, unit norm.
+            side: `"left"` or `"right"`.
+
+        Raises:
+            RedundancyError: A quaternion that is not of unit norm, an unknown side.
+        """
+    def __and__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet: ...
+    def __or__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet: ...
+    @staticmethod
+    def _restore(
+        operation: str, parts: Sequence[Cone | QuaternionVolume | OrientationSet]
+    ) -> OrientationSet: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, Any]: ...
@@ -4467,7 +4687,18 @@ class RankedStart:
 
     @property
     def completed(self) -> bool:
-        """Whether the path is finished from here."""
+        """Whether the path is finished from here.
+
+        False as well where a joint leaves its limits on the way: `status` and `reason` say so.
+        """
+
+    @property
+    def status(self) -> Status:
+        """`converged`, `singular` where the critical point vanishes, `limits` where a joint breaks a limit."""
+
+    @property
+    def reason(self) -> str:
+        """What keeps it from completing the path; empty when it does."""
 
     @property
     def trajectory(self) -> FollowedOptimum:
@@ -4483,11 +4714,12 @@ def rank_starts(
     starts: int | None = None,
     step: float | None = None,
     threads: int | None = None,
-) -> list[RankedStart]:
+) -> RankedStarts:
     """Follows every critical point over the start of `path`.
 
     Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-    those that stop come after, the furthest first.
+    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
+    with `status` and `reason`: why it is empty, or why no start completes the path.
 
     Args:
         chain: The arm.

@@ -11,6 +11,7 @@ from redundancy._core import (
     Chain,
     Criterion,
     CriticalPoint,
+    FollowedOptimum,
     RankedStart,
     SelfMotionCurve,
     SingularPoint,
@@ -18,7 +19,7 @@ from redundancy._core import (
     cofactor_condition,
 )
 
-__all__ = ["loci", "resolved_paths", "self_motion_values", "values_along_path"]
+__all__ = ["along_path", "loci", "resolved_paths", "self_motion_values", "values_along_path"]
 
 _KINDS = {
     "maximum": ("#1b5e8c", "^"),
@@ -100,8 +101,8 @@ def resolved_paths(
     axes.contour(degrees, degrees, np.array(mu), levels=[0.0], colors=_FAINT, linewidths=1.0)
     for curve in curves:
         _wrapped(axes, curve.q[:, 1:3], color=_NECESSARY, linestyle=":", linewidth=1.0)
-    for i, start in enumerate(ranked):
-        color = _LINES[i // 2 % len(_LINES)]
+    colors, _ = _colors(ranked)
+    for start, color in zip(ranked, colors, strict=True):
         q = start.trajectory.q
         stop = start.trajectory.stop_q
         rows = q if stop is None else np.vstack([q, stop])
@@ -158,28 +159,85 @@ def self_motion_values(
     return figure
 
 
-def values_along_path(ranked: Sequence[RankedStart], figure: Figure | None = None) -> Figure:
-    """The criterion and the eigenvalues of the reduced Hessian from every start, as figure 3.
+def along_path(
+    chain: Chain, criterion: Criterion, task: str | Task, followed: FollowedOptimum
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Times, h and A along a followed critical point, up to the event itself, for arms with one spare freedom.
+
+    Args:
+        chain: The arm.
+        criterion: What is small or large.
+        task: Which coordinates are held.
+        followed: What `follow_optimum` gave.
+
+    Returns:
+        `t` (s), `h` and `A` [Park1996, eq. (9)], `(N,)` each: one entry per row, and one for the place where it
+        stopped, which lies between two rows.
+    """
+    t, q = followed.t, followed.q
+    if followed.stop_q is not None and followed.events[-1].t > t[-1]:
+        t, q = np.r_[t, followed.events[-1].t], np.vstack([q, followed.stop_q])
+    condition = [cofactor_condition(chain, row, criterion, task).condition for row in q]
+    return t, np.atleast_1d(criterion.value(q)), np.array(condition)
+
+
+def values_along_path(
+    ranked: Sequence[RankedStart],
+    figure: Figure | None = None,
+    *,
+    chain: Chain | None = None,
+    criterion: Criterion | None = None,
+    task: str | Task = "planar",
+) -> Figure:
+    """The criterion and what decides about its kind from every start, as figure 3 of [Park1996].
+
+    With `chain` and `criterion` that is the paper's A, and the curves end at the event: a star where critical points
+    meet, a square at a kinematic singularity. Without them it is the eigenvalues of the reduced Hessian, row by row.
 
     Args:
         ranked: What `rank_starts` gave.
         figure: Where to draw; a new figure when left out.
+        chain: The arm, with one spare freedom.
+        criterion: What is small or large.
+        task: Which coordinates are held.
     """
     figure = Figure(figsize=(7, 7), layout="constrained") if figure is None else figure
     above, below = figure.add_subplot(211), figure.add_subplot(212)
-    for i, start in enumerate(ranked):
-        color = _LINES[i // 2 % len(_LINES)]
+    for start, color, first in zip(ranked, *_colors(ranked), strict=True):
         followed = start.trajectory
         label = f"{start.kind}, {'completes' if followed.completed else 'stops'}"
-        above.plot(followed.t, followed.values, color=color, label=label if i % 2 == 0 else None)
-        for eigenvalue in followed.eigenvalues.T:
-            below.plot(followed.t, eigenvalue, color=color)
+        if chain is not None and criterion is not None:
+            t, values, condition = along_path(chain, criterion, task, followed)
+            curves = condition[:, None]
+        else:
+            t, values, curves = followed.t, followed.values, followed.eigenvalues
+        above.plot(t, values, color=color, label=label if first else None)
+        for curve in curves.T:
+            below.plot(t, curve, color=color)
+        if len(t) > len(followed.t):
+            singular = str(followed.events[-1].kind) == "kinematic_singularity"
+            for axes, value in ((above, values[-1]), (below, curves[-1, 0])):
+                axes.plot(t[-1], value, "s" if singular else "*", color=color, markersize=8)
     below.axhline(0.0, color=_FAINT, linewidth=0.8)
     above.set(ylabel="h")
-    below.set(xlabel="t (s)", ylabel="eigenvalues of the reduced Hessian")
+    exact = chain is not None and criterion is not None
+    below.set(xlabel="t (s)", ylabel="A" if exact else "eigenvalues of the reduced Hessian")
     if ranked:
         above.legend(fontsize="small")
     return figure
+
+
+def _colors(ranked: Sequence[RankedStart]) -> tuple[list[str], list[bool]]:
+    """One colour for starts of one kind and value (mirror images), and which is the first of its colour."""
+    groups: list[tuple[str, float]] = []
+    colors, first = [], []
+    for start in ranked:
+        key = (str(start.kind), round(start.value, 6))
+        first.append(key not in groups)
+        if first[-1]:
+            groups.append(key)
+        colors.append(_LINES[groups.index(key) % len(_LINES)])
+    return colors, first
 
 
 def _principal(q: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,13 +1,15 @@
 """Figures of a painting motion: torques against their limits, tilt and spin, the path from above."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["orientation", "path_from_above", "speeds", "torques"]
+from redundancy._core import Chain, MaxSpeed
+
+__all__ = ["orientation", "path_from_above", "speeds", "torques", "torques_at_speed", "torques_of_rules"]
 
 _LINE = "#1b5e8c"
 _SECOND = "#c8792a"
@@ -54,6 +56,62 @@ def torques(
         _plain(axis)
     for axis in axes[max(0, count - 2) : count]:
         axis.set_xlabel("arc length (m)", fontsize=8)
+    return figure
+
+
+def torques_at_speed(chain: Chain, found: MaxSpeed, speed: float) -> NDArray[np.float64]:
+    """Joint torques over the path of `found` at another constant speed: `G + v^2 D`, without friction.
+
+    Args:
+        chain: The arm, as given to `max_speed`.
+        found: What `max_speed` gave.
+        speed: Constant tool speed, m/s, >= 0.
+
+    Returns:
+        `(N, n)`, N m.
+
+    Raises:
+        ValueError: A speed that is negative or not finite.
+    """
+    if not (np.isfinite(speed) and speed >= 0.0):
+        raise ValueError(f"speed is {speed}, it must be finite and at least 0 m/s")
+    still = np.zeros_like(found.q)
+    gravity = np.asarray(chain.inverse_dynamics(found.q, still, still))
+    return np.asarray(gravity + (speed / found.speed) ** 2 * (found.torques - gravity))
+
+
+def torques_of_rules(
+    chain: Chain,
+    s: ArrayLike,
+    results: Mapping[str, MaxSpeed],
+    speed: float,
+    joints: Sequence[int] = (0, 1),
+) -> Figure:
+    """Torques of some joints at one constant speed for several rules, as figure 3 of [FromGravdahl2009].
+
+    Args:
+        chain: The arm, as given to `max_speed`.
+        s: Arc length of the path's points `(N,)`, m.
+        results: What `max_speed` gave, by the name of the rule.
+        speed: Constant tool speed, m/s.
+        joints: Which joints, from 0; one row each, limits dashed.
+    """
+    figure = Figure(figsize=(9, 2.6 * len(joints) + 0.4), layout="constrained")
+    rows = np.atleast_1d(figure.subplots(len(joints), 1, sharex=True))
+    used = {name: torques_at_speed(chain, found, speed) for name, found in results.items()}
+    for axis, joint in zip(rows, joints, strict=True):
+        for name, values in used.items():
+            axis.plot(np.asarray(s), values[:, joint], lw=1.1, label=name)
+        limit = chain.effort_limit[joint]
+        if np.isfinite(limit):
+            for side in (-limit, limit):
+                axis.axhline(side, color=_LIMIT, lw=0.9, ls="--")
+        axis.set_title(f"{chain.joint_names[joint]} at {speed:g} m/s", fontsize=9, loc="left")
+        axis.set_ylabel("N m", fontsize=8)
+        _plain(axis)
+    handles, labels = rows[0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="outside upper center", ncols=4)
+    rows[-1].set_xlabel("arc length (m)", fontsize=8)
     return figure
 
 

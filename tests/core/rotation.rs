@@ -8,6 +8,7 @@ use redundancy_core::nalgebra::{Quaternion, UnitQuaternion};
 
 mod cone;
 mod optimize;
+mod orientation_set;
 mod quaternion;
 mod volume;
 

@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use rand::Rng;
 use rayon::prelude::*;
-use redundancy_core::chain::{Chain, Limits};
+use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::criterion::{Criterion, JointRange, Posture, Weighted};
-use redundancy_core::nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use redundancy_core::kinematics::Scratch;
+use redundancy_core::nalgebra::{Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use redundancy_core::rotation::{from_wxyz, to_wxyz};
 use redundancy_core::solutions::{Branch, Chart, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Pose, Status};
 
@@ -493,5 +495,97 @@ fn the_maker_is_its_own_nearest_at_gimbals_too() {
         let near = arm.self_motion(&chain.forward(&q).unwrap()).unwrap().nearest(&q).unwrap().unwrap();
         assert!(near.value < 1e-5, "{q:?} {near:?}");
         assert!(pose_error(&chain.forward(&near.q).unwrap(), &chain.forward(&q).unwrap()) < 1e-11);
+    }
+}
+
+/// The worked example of [Moore2010, eqs (17) to (28)], with its printed digits; (24) has +.01849 k in print.
+#[test]
+fn the_quantities_of_the_worked_example() {
+    let chain = catalog::load("pa10").unwrap();
+    let arm = SrsArm::new(&chain).unwrap();
+    let q = from_wxyz([0.5_f64.sqrt(), 0.0, 0.5_f64.sqrt(), 0.0]).unwrap();
+    let pose = Pose::from_parts(Vector3::new(0.5, 0.1, 1.0).into(), q.to_rotation_matrix());
+    let motion = arm.self_motion(&pose).unwrap();
+    let close = |found: &[f64], printed: &[f64]| {
+        for (a, b) in found.iter().zip(printed) {
+            assert!((a - b).abs() < 6e-5, "{found:?} is not {printed:?}");
+        }
+    };
+    close(motion.center().as_slice(), &[0.1948, 0.04638, 0.6327]);
+    close(motion.axis().as_slice(), &[0.5187, 0.1235, 0.846]);
+    close(&[motion.radius()], &[0.2480]);
+    assert!((motion.frame() - Matrix3::identity()).amax() < 1e-15);
+    let q_a = motion.q_a();
+    close(&to_wxyz(&q_a), &[0.9607, -0.06428, 0.27, 0.0]);
+    // Its angle is that between k and n.
+    assert!((q_a.angle() - motion.axis().z.acos()).abs() < 1e-12);
+    let elbow = motion.elbow_position(0.0);
+    close(elbow.as_slice(), &[0.4066, 0.03777, 0.5041]);
+    // The paper's solution is the branch with theta4 < 0.
+    let branch = motion.branch(2).unwrap();
+    let found = branch.quaternions(0.0);
+    close(&to_wxyz(&found.q3), &[0.8425, -0.06156, 0.5349, -0.01849]);
+    close(&to_wxyz(&found.q4), &[0.9978, -0.06212, 0.01445, 0.01649]);
+    close(&to_wxyz(&found.wrist), &[0.7158, 0.05559, 0.6954, 0.03227]);
+    close(&branch.q(0.0).unwrap()[..3], &[0.0926, 1.1372, -0.1365]);
+}
+
+/// Eqs (6), (13) to (16), (22), (23) and (27) on random poses and arms: what the angles make of the quaternions, and every
+/// winding.
+#[test]
+fn the_quantities_fit_the_configurations() {
+    let mut rng = rng(16);
+    for name in ["pa10", "iiwa14"] {
+        let chain = catalog::load(name).unwrap();
+        let arm = SrsArm::new(&chain).unwrap();
+        let [upper, fore] = arm.lengths();
+        for _ in 0..amount(60, 2000) {
+            let q = random_q(&mut rng, &chain);
+            let pose = chain.forward(&q).unwrap();
+            let motion = arm.self_motion(&pose).unwrap();
+            let s = arm.swivel(&q).unwrap();
+            let elbow = motion.elbow_position(s);
+            let frame = motion.frame();
+            // (15), (16): u = conj(q_A) (p_E - C)/rho q_A in the paper's frame.
+            let local = frame.tr_mul(&(elbow - motion.center())) / motion.radius();
+            let u = motion.q_a().inverse() * local;
+            assert!((u - Vector3::new(s.cos(), s.sin(), 0.0)).norm() < 1e-9 / motion.radius(), "{u:?}");
+            let wrist = pose * Point3::from(arm.wrist_in_tool());
+            assert!(((elbow - arm.shoulder()).norm() - upper).abs() < 1e-12);
+            assert!(((wrist.coords - elbow).norm() - fore).abs() < 1e-12);
+            assert!((motion.axis() - (wrist.coords - arm.shoulder()).normalize()).norm() < 1e-12);
+            // The elbow is on the axis of joint 4, which the link behind it carries.
+            let mut scratch = Scratch::new(&chain);
+            let kinematics = chain.kinematics(&q, &mut scratch).unwrap();
+            let (o, z) = (kinematics.origins()[3], kinematics.axes()[3]);
+            assert!((elbow - o).cross(&z).norm() < 1e-9, "{name}");
+            let index = {
+                let [a, b, c] = arm.branch(&q).unwrap().map(|sign| usize::from(sign < 0));
+                4 * a + 2 * b + c
+            };
+            let branch = motion.branch(index).unwrap();
+            let found = branch.quaternions(s);
+            // (22), (23): z along the upper arm, y along +- axis 4; the forearm likewise.
+            let along = |q: &UnitQuaternion<f64>, v: Vector3<f64>| frame * (q * v);
+            assert!((along(&found.q3, Vector3::z()) - (elbow - arm.shoulder()) / upper).norm() < 1e-9);
+            assert!((along(&found.q4, Vector3::z()) - (wrist.coords - elbow) / fore).norm() < 1e-9);
+            assert!(along(&found.q3, Vector3::y()).cross(&z).norm() < 1e-9);
+            assert!((along(&found.q4, Vector3::y()) - along(&found.q3, Vector3::y())).norm() < 1e-12);
+            // All windings: the configuration is one of them, each is within limits and at the pose, none is missing.
+            let windings = branch.windings(s).unwrap();
+            assert!(windings.iter().any(|w| w.iter().zip(&q).all(|(a, b)| (a - b).abs() < 1e-7)), "{q:?}");
+            let mut count = 1;
+            for (i, joint) in chain.joints().iter().enumerate() {
+                let turns = (-3..=3).filter(|k| {
+                    let x = q[i] + f64::from(*k) * std::f64::consts::TAU;
+                    x >= joint.limits.lower && x <= joint.limits.upper
+                });
+                count *= turns.count().max(1);
+            }
+            assert_eq!(windings.len(), count);
+            for row in &windings {
+                assert!(chain.within_limits(row, 0.0));
+            }
+        }
     }
 }

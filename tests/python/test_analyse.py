@@ -116,3 +116,25 @@ def test_figures_show_what_they_are_given() -> None:
     assert len(figure.axes) == 8
     marks = [line for axes in figure.axes for line in axes.lines if line.get_marker() not in {"", "None"}]
     assert len(marks) == len(points)
+
+
+def test_values_along_a_path_end_at_the_event() -> None:
+    arm = rd.catalog.load("planar3r")
+    h = rd.Manipulability(arm, task="planar")
+    circle = rd.paths.circle((3.5, 0, 0), 1.5, start=np.pi, n=101)
+    circle = circle.with_times(circle.s / circle.length)
+    ranked = rd.rank_starts(arm, circle, h, task="planar")
+    ends = []
+    for start in ranked:
+        t, value, condition = plot_optimum.along_path(arm, h, "planar", start.trajectory)
+        assert len(t) == len(value) == len(condition) and (np.diff(t) > 0).all()
+        ends.append((round(t[-1], 7), abs(condition[-1]) < 1e-3, value[-1] < 1e-5))
+    expected = [(1.0, False, False)] * 2 + [(0.3454479, True, False)] * 2 + [(0.2156288, True, True)] * 2
+    assert ends == expected + [(0.2127422, True, False)] * 4 + [(0.1061478, True, True)] * 2
+    quarter = plot_optimum.along_path(arm, h, "planar", ranked[0].trajectory)
+    assert abs(quarter[1][25] - 188.283) < 1e-3 and abs(quarter[2][25] + 15354.8) < 0.1
+    figure = plot_optimum.values_along_path(ranked, chain=arm, criterion=h)
+    above, below = figure.axes
+    assert below.get_ylabel() == "A"
+    longest = [line.get_xdata()[-1] for line in above.lines if len(line.get_xdata()) > 1]
+    assert sorted({round(float(x), 6) for x in longest}) == [0.106148, 0.212742, 0.215629, 0.345448, 1.0]

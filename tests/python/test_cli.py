@@ -158,6 +158,44 @@ def test_points_outside_the_limits(capsys, tmp_path):
     assert "outside the joint limits, the first is point" in err and "joint 'A4'" in err
 
 
+@pytest.mark.parametrize("plan", ["whole", "flow"])
+def test_a_desired_swivel_beside_an_obstacle(capsys, tmp_path, plan):
+    tool = np.diag([-1.0, 1.0, -1.0])
+    circle = rd.paths.circle((0.45, 0.0, 0.5), 0.12, orientation=tool, n=301)
+    circle.with_times(np.linspace(0.0, 6.0, 301)).to_csv(tmp_path / "path.csv")
+    ball = rd.Scene([rd.Sphere((0.2842, -0.3539, 0.4817), 0.06)])
+    (tmp_path / "scene.json").write_text(ball.to_json())
+    ways, held = {}, {}
+    for desired in (None, -60.0, -120.0):
+        out = tmp_path / f"{plan}{desired}"
+        arguments: list[object] = [
+            "--robot",
+            "pa10",
+            "--path",
+            tmp_path / "path.csv",
+            "--out",
+            out,
+            "--no-plots",
+        ]
+        arguments += ["--obstacles", tmp_path / "scene.json", "--plan", plan]
+        arguments += [] if desired is None else ["--desired-swivel", desired]
+        status, _, err = run(capsys, "track", *arguments)
+        assert status == 0, err
+        arm = rd.SrsArm(rd.catalog.load("pa10"))
+        trajectory = rd.Trajectory.from_csv(out / "trajectory.csv")
+        ways[desired] = np.rad2deg(arm.swivel(trajectory.q))
+        held[desired] = json.loads((out / "summary.json").read_text())["swivel_desired_rad"]
+        clearance = [ball.clearance(arm.chain, q, link_radius=0.05).distance for q in trajectory.q[::10]]
+        assert min(clearance) > 0.0
+    assert held[None] is None and abs(held[-60.0] + np.pi / 3) < 1e-12
+    # Each wish is followed where the ball allows it: nearer to its own than to the other.
+    for desired, other in ((-60.0, -120.0), (-120.0, -60.0)):
+        away = [
+            np.abs((way - desired + 180.0) % 360.0 - 180.0).mean() for way in (ways[desired], ways[other])
+        ]
+        assert away[0] < away[1] - 10.0, away
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
@@ -169,6 +207,8 @@ def test_points_outside_the_limits(capsys, tmp_path):
         ({"--path": "missing.csv"}, "missing.csv: cannot be read"),
         ({"--swivel": "ten"}, "--swivel is 'ten', it must be auto or an angle in degrees"),
         ({"--swivel": "inf"}, "--swivel is 'inf'"),
+        ({"--desired-swivel": "inf"}, "--desired-swivel is inf"),
+        ({"--desired-swivel": "10", "--swivel": "20"}, "give one of them"),
         ({"--branch": "++"}, "--branch is '++'"),
         ({"--branch": "++0"}, "--branch is '++0'"),
     ],

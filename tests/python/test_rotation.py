@@ -561,3 +561,73 @@ def test_bad_input_is_refused_with_the_value_and_the_bound(call, words):
         call()
     for word in words:
         assert word in str(caught.value)
+
+
+def five_rotations():
+    axes = [[0, 0, 1], [0, 1, 0], [1, 0, 0.2], [0, 1, 0.3], [0, 0, 1]]
+    return rd.QuaternionVolume.from_axes(axes, [-0.6, 0.1, -0.5, -0.4, -0.7], [0.8, 1.0, 0.3, 0.4, 0.2])
+
+
+def test_a_volume_of_five_rotations():
+    volume = five_rotations()
+    assert volume.dimension == 5
+    rng = np.random.default_rng(1)
+    lower, upper = [-0.6, 0.1, -0.5, -0.4, -0.7], [0.8, 1.0, 0.3, 0.4, 0.2]
+    angles = rng.uniform(lower, upper, (amount(40, 2000), 5))
+    axes = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0.2], [0, 1, 0.3], [0, 0, 1]])
+    axes = axes / np.linalg.norm(axes, axis=1)[:, None]
+    product = Rotation.identity(len(angles))
+    for axis, angle in zip(axes, angles.T, strict=True):
+        product = product * Rotation.from_rotvec(angle[:, None] * axis)
+    q = wxyz(product)
+    assert volume.contains(q).all()
+    least = np.minimum(angles - lower, upper - angles).min(axis=1)
+    assert (volume.margin(q) >= least - 1e-9).all()
+    found = volume.angles(q)
+    assert (np.minimum(found - lower, upper - found).min(axis=1) >= volume.margin(q) - 1e-9).all()
+    assert pickle.loads(pickle.dumps(volume)) == volume
+    assert volume.contains(volume.sample(20, seed=3)).all()
+
+
+def test_intersections_and_unions():
+    tool, side = rd.Cone.z([0.2, 0.1, 1], 0.6), rd.Cone.x([0.9, 0.5, 0], 0.7)
+    box = rd.QuaternionVolume.zyz((-1, 1.7), (0.2, 1.2), (-2, 0.3))
+    both, either = tool & side, box | tool
+    assert (both.operation, either.operation) == ("and", "or")
+    assert len((both & box).parts) == 3 and isinstance((either & side).parts[0], rd.OrientationSet)
+    q = wxyz(Rotation.random(amount(2000, 100_000), random_state=2))
+    inside = {id(s): s.margin(q) >= 0 for s in (tool, side, box)}
+    assert np.array_equal(both.contains(q, 0.0), inside[id(tool)] & inside[id(side)])
+    assert np.array_equal(either.contains(q, 0.0), inside[id(box)] | inside[id(tool)])
+    assert np.array_equal(both.margin(q), np.minimum(tool.margin(q), side.margin(q)))
+    assert np.array_equal(either.margin(q), np.maximum(box.margin(q), tool.margin(q)))
+    near = both.nearest(q[:20])
+    assert both.contains(near, 1e-8).all()
+    members = both.sample(500, seed=4)
+    assert both.contains(members).all() and np.array_equal(members[:3], both.sample(3, seed=4))
+    for a, b in zip(q[:20], near, strict=True):
+        angle = rd.quaternion.angle(a, b)
+        assert angle <= min(rd.quaternion.angle(a, m) for m in members) + 1e-9
+    assert pickle.loads(pickle.dumps(either & side)) == either & side
+    turn = wxyz(Rotation.random(random_state=5))
+    assert np.allclose(
+        both.reoriented(turn).margin(rd.quaternion.product(turn, q[0])), both.margin(q[0]), atol=1e-12
+    )
+    empty = tool & rd.Cone.downward(0.3)
+    with pytest.raises(rd.RedundancyError, match="empty"):
+        empty.sample(1)
+    with pytest.raises(rd.RedundancyError, match="empty"):
+        empty.nearest(q[0])
+    with pytest.raises(TypeError):
+        tool & 3  # type: ignore[operator]
+
+
+def test_inverse_kinematics_takes_a_union():
+    arm = rd.catalog.load("iiwa14")
+    wanted = rd.Cone.downward(0.2) | rd.QuaternionVolume.cone(Z, 0.2, X)
+    solver = rd.IkSolver(arm, orientation_set=wanted)
+    pose = rd.pose([0.4, 0.1, 0.5], matrix=Rotation.from_euler("y", 100, degrees=True).as_matrix())
+    result = solver.solve(pose)
+    assert result.status == "converged"
+    reached = arm.forward(result.q)
+    assert wanted.contains(rd.quaternion.from_matrix(reached[:3, :3]), 1e-5)

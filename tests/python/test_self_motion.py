@@ -254,3 +254,47 @@ def test_arms_that_are_not_srs() -> None:
         rd.SrsArm(rd.catalog.load("panda"))
     with pytest.raises(rd.NotSrsError, match="has 6 joints, 7 are needed"):
         rd.SrsArm(rd.catalog.load("puma560"))
+
+
+def test_the_quantities_of_the_paper() -> None:
+    arm = rd.SrsArm(rd.catalog.load("pa10"))
+    motion = arm.self_motion(rd.pose((0.5, 0.1, 1.0), quaternion_wxyz=(0.5**0.5, 0, 0.5**0.5, 0)))
+    assert np.allclose(motion.center, (0.1948, 0.04638, 0.6327), atol=5e-5)
+    assert np.allclose(motion.axis, (0.5187, 0.1235, 0.846), atol=5e-5)
+    assert abs(motion.radius - 0.2480) < 5e-5
+    assert np.allclose(motion.q_a, (0.9607, -0.06428, 0.27, 0.0), atol=6e-5)
+    assert np.allclose(motion.frame, np.eye(3), atol=1e-15)
+    assert np.allclose(motion.elbow(0.0), (0.4066, 0.03777, 0.5041), atol=5e-5)
+    s = np.linspace(-3.0, 3.0, 7)
+    elbows = motion.elbow(s)
+    assert elbows.shape == (7, 3)
+    assert np.allclose(np.linalg.norm(elbows - motion.center, axis=1), motion.radius, atol=1e-14)
+    turned = rd.quaternion.rotate(motion.q_a, [1.0, 0.0, 0.0])
+    assert np.allclose(motion.center + motion.radius * turned, motion.elbow(0.0), atol=1e-14)
+    for branch in motion.branches:
+        q3, q4, wrist = branch.quaternions(s)
+        up = rd.quaternion.rotate(q3, np.tile([0.0, 0.0, 1.0], (7, 1)))
+        assert np.allclose(arm.shoulder + arm.lengths[0] * up, elbows, atol=1e-14)
+        # conj(q_4) q, from the angles of joints 5 to 7 of the paper's arm.
+        pose = rd.quaternion.from_matrix(arm.chain.forward(branch.q(0.3))[:3, :3])
+        _, one, rest = branch.quaternions(0.3)
+        assert rd.quaternion.angle(rd.quaternion.product(one, rest), pose) < 1e-12
+        assert q4.shape == wrist.shape == (7, 4)
+    with pytest.raises(rd.RedundancyError, match="s contains"):
+        motion.elbow(np.nan)
+
+
+def test_all_windings_of_a_branch() -> None:
+    chain = rd.catalog.load("pa10")
+    arm = rd.SrsArm(chain)
+    motion = arm.self_motion(chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9]))
+    for branch in motion.branches:
+        for low, high in branch.intervals():
+            s = 0.5 * (low + high)
+            rows = branch.windings(s)
+            assert (rows >= chain.lower).all() and (rows <= chain.upper).all()
+            assert np.allclose(chain.forward(rows), chain.forward(branch.q(s)), atol=1e-9)
+            turns = [np.arange(-3, 4) * 2 * np.pi + x for x in branch.q(s)]
+            pairs = zip(turns, chain.lower, chain.upper, strict=True)
+            assert len(rows) == np.prod([((t >= lo) & (t <= hi)).sum() for t, lo, hi in pairs])
+    assert branch.windings(0.0).shape[1] == 7

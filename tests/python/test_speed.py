@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import redundancy as rd
+from redundancy import plot_painting
 
 GOLDEN = File(__file__).parents[1] / "golden"
 RULES = rd.orientation_rules
@@ -170,3 +171,26 @@ def test_what_is_wrong_is_named(chain: rd.Chain) -> None:
         rd.OrientationRule("spiral")
     with pytest.raises(rd.RedundancyError, match="cones of the rule miss each other"):
         RULES.barrier_cone(0.01, 0.01)(path.poses[:, :3, 3])
+
+
+def test_torques_at_a_given_speed() -> None:
+    gun = np.eye(4)
+    gun[:3, 3] = (-0.15, 0.0, 0.4)
+    arm = rd.catalog.load("puma560").with_tool(gun)
+    path = rd.paths.raster((0.44, -0.25, -0.3), 0.5, 0.21, 3, corner=0.17912615734826384)
+    found = rd.max_speed(arm, path, rd.orientation_rules.constant(), velocity_limits=None)
+    at = plot_painting.torques_at_speed
+    assert np.allclose(at(arm, found, found.speed), found.torques, atol=1e-10)
+    still = arm.inverse_dynamics(found.q, 0 * found.q, 0 * found.q)
+    assert np.allclose(at(arm, found, 0.0), still, atol=1e-12)
+    # Between the ends it is the torque of the motion itself, by differences of the joint positions.
+    ds = path.s[1] - path.s[0]
+    k = 400
+    q, qd = found.q[k], (found.q[k + 1] - found.q[k - 1]) / (2 * ds)
+    qdd = (found.q[k + 1] - 2 * found.q[k] + found.q[k - 1]) / ds**2
+    assert np.abs(at(arm, found, 0.7)[k] - arm.inverse_dynamics(q, 0.7 * qd, 0.49 * qdd)).max() < 0.02
+    results = {"constant": found, "other": rd.max_speed(arm, path, rd.orientation_rules.pointing())}
+    figure = plot_painting.torques_of_rules(arm, path.s, results, speed=1.0)
+    assert len(figure.axes) == 2 and len(figure.axes[0].lines) == 4
+    with pytest.raises(ValueError, match="at least 0"):
+        at(arm, found, -1.0)

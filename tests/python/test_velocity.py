@@ -227,3 +227,46 @@ def test_factors_that_would_overflow(factor: float) -> None:
         match=r"factor is (0|1e308|1e-300), it must be not 0 and of a magnitude up to 1e60",
     ):
         factor * rd.JointRange(rd.catalog.load("iiwa14"))
+
+
+def test_a_middle_frame_and_the_formula_of_the_paper(dexter: rd.Chain) -> None:
+    h = rd.JointRange(dexter)
+    q = np.deg2rad([40.0, 10, 80, 170, -80, 170, -80, 10])
+    basis = (0, 2, 3, 4, 5, 7)
+    middle = rd.ReducedGradient(dexter, h, 10.0, task="pose_rpy", damping=None, basis=basis, frame="link4")
+    plain = rd.ReducedGradient(dexter, h, 10.0, task="pose_rpy", damping=None, basis=basis)
+    assert (middle.frame, plain.frame) == ("link4", None)
+    # Eq. (7), written out: S = +skew(r).
+    pose, fourth = dexter.forward(q), dexter.forward(q, "link4")
+    r = pose[:3, 3] - fourth[:3, 3]
+    skew = np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+    turn = fourth[:3, :3].T
+    change = np.block([[turn, turn @ skew], [np.zeros((3, 3)), turn]])
+    assert np.abs(middle.jacobian(q) - change @ dexter.jacobian(q)).max() < 1e-15
+    assert plain.jacobian(q).shape == (6, 8)
+    v = [0.1, -0.2, 0.1, 0.2, 0.1, -0.3]
+    assert np.abs(middle.step(q, v).qd - plain.step(q, v).qd).max() < 1e-12
+    projected = rd.ProjectedGradient(dexter, h, 10.0, task="pose_rpy", damping=None, frame="link4")
+    assert np.abs(plain.jacobian(q) @ projected.step(q, v).qd - v).max() < 1e-12
+    again = pickle.loads(pickle.dumps(projected))
+    assert again.frame == "link4" and np.all(again.step(q, v).qd == projected.step(q, v).qd)
+    with pytest.raises(rd.RedundancyError, match="'position'"):
+        rd.ProjectedGradient(dexter, h, 10.0, task="position", frame="link4")
+    with pytest.raises(rd.RedundancyError, match="robust"):
+        rd.ReducedGradient(dexter, h, 10.0, form="papr")  # type: ignore[arg-type]
+
+
+def test_a_scheduled_basis(dexter: rd.Chain) -> None:
+    q = np.deg2rad([40.0, 0, 90, 180, -90, 180, -90, 0])
+    later = (0, 2, 3, 5, 6, 7)
+    scheme = rd.ReducedGradient(
+        dexter, rd.JointRange(dexter), 10.0, damping=None, basis=(0, 2, 3, 4, 5, 7), schedule=[(0.05, later)]
+    )
+    scheme = pickle.loads(pickle.dumps(scheme))
+    changed = [scheme.step(q, np.zeros(6), dt=0.025).basis_changed for _ in range(5)]
+    assert changed == [False, False, True, False, False]
+    assert scheme.basis == list(later)
+    with pytest.raises(rd.RedundancyError, match="basis of the start"):
+        rd.ReducedGradient(dexter, None, 0.0, schedule=[(1.0, later)])
+    with pytest.raises(rd.RedundancyError, match="dt is missing"):
+        scheme.step(q, np.zeros(6))

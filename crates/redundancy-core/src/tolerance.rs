@@ -282,6 +282,57 @@ pub const VOLUME_NEAR_GIMBAL: f64 = 1e-4;
 /// Least sine of the angle between consecutive axes of a volume: below it the two rotations are one.
 pub const VOLUME_AXES_PARALLEL: f64 = 1e-6;
 
+/// Angle, rad, up to which an orientation counts as a member of a sequence of more than three rotations: what Newton's
+/// method leaves by rounding.
+pub const LONG_MEMBER: f64 = 1e-12;
+
+/// Angle, rad, below which the descent to a member of such a sequence ends, and an angle counts as at its bound.
+pub const LONG_STILL: f64 = 1e-13;
+
+/// Least relative progress of that descent in a step, below which it ends: outside of the set, and where it only has to tell
+/// inside from outside.
+pub const LONG_SLOWEST: f64 = 1e-9;
+/// See [`LONG_SLOWEST`].
+pub const LONG_SLOW: f64 = 1e-2;
+
+/// Angle left after the first sweeps, as a multiple of the least, from which a start is not followed further.
+pub const LONG_NEAR: f64 = 1.1;
+
+/// Gain of the margin, rad, for which another start is worth following.
+pub const LONG_BETTER: f64 = 1e-9;
+
+/// First narrowing, rad, from a member of such a sequence; each that succeeds is followed by twice as much.
+pub const LONG_FIRST: f64 = 0.02;
+
+/// Longest change of an angle in one step, rad.
+pub const LONG_STEP: f64 = 1.0;
+
+/// Width, rad, to which the margin of such a sequence is bracketed.
+pub const LONG_NARROWING: f64 = 1e-11;
+
+/// Slope of the angle in the narrowing below which no bound is what keeps an orientation out.
+pub const LONG_FLAT: f64 = 1e-6;
+
+/// What is added to the normal equations of such a sequence, as a share of their trace.
+pub const LONG_REGULAR: f64 = 1e-12;
+
+/// Tolerance of membership inside the algebra of orientation sets: rad, or the margin's unit of a cone.
+pub const SET_MEMBER: f64 = 1e-9;
+
+/// Motion, rad, of a round of alternating projections below which they have arrived.
+pub const SET_STILL: f64 = 1e-11;
+
+/// Step, rad, of the search along the common boundary of two sets: the rotation vectors of so short a way are plane to 1e-5.
+pub const SET_STEP: f64 = 0.01;
+
+/// Steps, rad, at which that search ends, and the longest step along the boundary.
+pub const SET_SHORTEST: f64 = 1e-6;
+/// See [`SET_SHORTEST`].
+pub const SET_STRETCH: f64 = 0.3;
+
+/// Gain, rad, below which a step of that search is made shorter.
+pub const SET_EDGE: f64 = 1e-10;
+
 /// Stationarity of the search for the nearest member of a volume, rad.
 pub const VOLUME_NEAREST: f64 = 1e-14;
 
@@ -491,11 +542,12 @@ pub const TORQUE_LEFT: f64 = 1e-9;
 pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
 
 /// Share of the size of its terms below which the second derivative along the freedom counts as nearly singular: from
-/// there on the extended Jacobian damps the motion of the freedom.
+/// there on the extended Jacobian leaves the stationary point.
 pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
 
-/// Its largest damping factor, as a share of the same size.
-pub const ALGORITHMIC_DAMPING: f64 = 1e-3;
+/// Multiple of the fastest joint of the least motion that the task asks for up to which the extended Jacobian uses the
+/// freedom, where that is above the joints' speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
+pub const FREEDOM_SPEED_RATIO: f64 = 1.5;
 
 /// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
 /// its square.

@@ -193,7 +193,8 @@ impl PyPosture {
             Some(weights) => read_vector(weights, "weights", Some(n))?,
             None => vec![1.0; n],
         };
-        let criterion = Posture::weighted(&reference, &weights).map_err(to_py)?;
+        let criterion =
+            Posture::weighted(&reference, &weights).and_then(|h| h.of(&chain.get().chain)).map_err(to_py)?;
         let text = format!("Posture({}, q_ref={reference:?})", chain.get().chain.name());
         let arguments = (chain, reference, weights).into_pyobject(py)?.into_any();
         let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;

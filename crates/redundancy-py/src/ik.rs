@@ -20,7 +20,7 @@ use crate::chain::PyChain;
 use crate::convert::{Fresh, read_array, read_pose, read_rows, read_vector};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
-use crate::rotation::{PyCone, PyQuaternionVolume};
+use crate::orientation_set::read_orientation_set;
 use crate::status::{status_to_py, statuses_to_py};
 use crate::task::{PyTask, read_target, read_targets, read_task};
 
@@ -44,7 +44,8 @@ const SOLVER_BLOCK: usize = 2_048;
 ///     restarts: Most starts after the first.
 ///     criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
 ///         closed form to the best value over all configurations.
-///     orientation_set: `Cone` or `QuaternionVolume` of orientations that count as reached, instead of the target's.
+///     orientation_set: `Cone`, `QuaternionVolume` or `OrientationSet` of orientations that count as reached, instead
+///         of the target's.
 ///     closed_form: Whether the closed form is used where the arm has one.
 ///     time_limit: Seconds after which the best configuration so far is returned.
 ///     position_weight: Weight of the squared distance (1/m^2) in the cost of the descent algorithms and of `trace`.
@@ -342,17 +343,7 @@ impl PyIkSolver {
 }
 
 fn read_set(object: &Bound<'_, PyAny>) -> PyResult<OrientationSet> {
-    if let Ok(cone) = object.cast::<PyCone>() {
-        return Ok(cone.get().cone.into());
-    }
-    match object.cast::<PyQuaternionVolume>() {
-        Ok(volume) => Ok(volume.get().volume.into()),
-        Err(_) => {
-            let message =
-                format!("orientation_set is {}, expected a Cone or a QuaternionVolume", object.repr()?);
-            Err(to_py(Error::Invalid(message)))
-        }
-    }
+    read_orientation_set(object, "orientation_set")
 }
 
 /// The answer over one pose.

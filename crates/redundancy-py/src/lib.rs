@@ -27,6 +27,7 @@ mod html;
 mod ik;
 mod optimum;
 mod orientation_plan;
+mod orientation_set;
 mod path;
 mod plan;
 mod planning;
@@ -73,6 +74,8 @@ mod _core {
     };
     #[pymodule_export]
     use orientation_plan::{PyOrientationPlan, py_plan_orientation};
+    #[pymodule_export]
+    use orientation_set::PyOrientationSet;
     #[pymodule_export]
     use plan::{PyPlan, PyToolFreedom, py_plan};
     #[pymodule_export]

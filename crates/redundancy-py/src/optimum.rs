@@ -3,6 +3,8 @@
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyType};
+use redundancy_core::chain::Chain;
+use redundancy_core::ik::{IkSettings, IkSolver};
 use redundancy_core::kinematics::Task;
 use redundancy_core::optimum::{
     Classification, Classifier, CofactorCondition, CriticalPoint, FollowSettings, FollowedOptimum, Kind,
@@ -10,6 +12,7 @@ use redundancy_core::optimum::{
     cofactor_condition, constrained_optima, distance_to_nearest, follow_optimum, follow_starts, sort_starts,
 };
 use redundancy_core::path::Plan;
+use redundancy_core::{Pose, Status};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
@@ -18,7 +21,7 @@ use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::path::PyPath;
 use crate::plan::{PyPlan, plan_initializer, plan_of};
-use crate::status::kind_to_py;
+use crate::status::{kind_to_py, status_to_py};
 use crate::task::{read_target, read_task};
 
 /// Critical points that are followed between two looks at Ctrl-C.
@@ -527,6 +530,12 @@ pub struct PyRankedStart {
     trajectory: Py<PyFollowedOptimum>,
 }
 
+impl PyRankedStart {
+    fn plan<'a>(&'a self, py: Python<'a>) -> &'a Plan {
+        &self.trajectory.bind(py).as_super().get().plan
+    }
+}
+
 #[pymethods]
 impl PyRankedStart {
     #[new]
@@ -559,9 +568,23 @@ impl PyRankedStart {
     }
 
     /// Whether the path is finished from here.
+    ///
+    /// False as well where a joint leaves its limits on the way: `status` and `reason` say so.
     #[getter]
-    fn completed(&self) -> bool {
-        self.trajectory.get().completed()
+    fn completed(&self, py: Python<'_>) -> bool {
+        self.plan(py).status() == Status::Converged
+    }
+
+    /// `converged`, `singular` where the critical point vanishes, `limits` where a joint breaks a limit.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        status_to_py(py, self.plan(py).status())
+    }
+
+    /// What keeps it from completing the path; empty when it does.
+    #[getter]
+    fn reason(&self, py: Python<'_>) -> String {
+        self.plan(py).reason().into()
     }
 
     /// What following it gave.
@@ -585,7 +608,8 @@ impl PyRankedStart {
 /// Follows every critical point over the start of `path`.
 ///
 /// Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-/// those that stop come after, the furthest first.
+/// those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
+/// with `status` and `reason`: why it is empty, or why no start completes the path.
 ///
 /// Args:
 ///     chain: The arm.
@@ -610,8 +634,8 @@ impl PyRankedStart {
 #[pyfunction]
 #[pyo3(name = "rank_starts",
     signature = (chain, path, criterion, task=None, *, seed=0, starts=None, step=None, threads=None))]
-pub fn py_rank_starts(
-    py: Python<'_>,
+pub fn py_rank_starts<'py>(
+    py: Python<'py>,
     chain: &Bound<'_, PyChain>,
     path: &Bound<'_, PyPath>,
     criterion: &Bound<'_, PyCriterion>,
@@ -620,7 +644,7 @@ pub fn py_rank_starts(
     starts: Option<usize>,
     step: Option<f64>,
     threads: Option<usize>,
-) -> PyResult<Vec<PyRankedStart>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let (chain, path) = (&chain.get().chain, &path.get().path);
     let criterion = criterion.get().criterion.clone();
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
@@ -638,16 +662,41 @@ pub fn py_rank_starts(
         Ok(())
     })?;
     sort_starts(&mut ranked, h.sense());
-    ranked
-        .into_iter()
-        .map(|start| {
-            let plan = start.followed.plan(chain, path).map_err(to_py)?;
-            Ok(PyRankedStart {
-                point: Py::new(py, PyCriticalPoint { point: start.point })?,
-                trajectory: PyFollowedOptimum::new_bound(py, start.followed, plan)?.unbind(),
-            })
-        })
-        .collect()
+    let mut plans = Vec::with_capacity(ranked.len());
+    for start in ranked {
+        let plan = start.followed.plan(chain, path).map_err(to_py)?;
+        plans.push((start, plan));
+    }
+    // Starts that keep the limits all the way come before those that do not.
+    plans.sort_by_key(|(_, plan)| plan.status() == Status::Limits);
+    let whole = plans.iter().filter(|(_, plan)| plan.status() == Status::Converged).count();
+    let (status, reason) = match plans.first() {
+        None => start_out_of_reach(chain, &path.poses()[0], task, seed)?,
+        Some((_, plan)) if whole == 0 => (
+            plan.status(),
+            format!("none of {} starts completes the path; the best: {}", plans.len(), plan.reason()),
+        ),
+        Some(_) => (Status::Converged, String::new()),
+    };
+    let starts = plans.into_iter().map(|(start, plan)| {
+        let trajectory = PyFollowedOptimum::new_bound(py, start.followed, plan)?.unbind();
+        Py::new(py, PyRankedStart { point: Py::new(py, PyCriticalPoint { point: start.point })?, trajectory })
+    });
+    let starts = starts.collect::<PyResult<Vec<_>>>()?;
+    let class = py.import("redundancy._ranked")?.getattr("RankedStarts")?;
+    class.call1((starts, status_to_py(py, status)?, reason))
+}
+
+/// Why no critical point was found over the start of a path.
+fn start_out_of_reach(chain: &Chain, pose: &Pose, task: Task, seed: u64) -> PyResult<(Status, String)> {
+    let solver = IkSolver::new(chain, IkSettings { task, ..IkSettings::default() }).map_err(to_py)?;
+    let result = solver.solve(pose, None, seed).map_err(to_py)?;
+    Ok(match result.status {
+        Status::Converged | Status::Limits => {
+            (Status::IterationLimit, "no critical point was found over the start of the path".into())
+        }
+        status => (status, format!("the start of the path: {}", result.reason())),
+    })
 }
 
 /// A configuration at which a critical point vanishes: an algorithmic singularity. Pickles.

@@ -78,7 +78,7 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
 ///     wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
 ///     link_radius: Links are capsules of this radius, m (0.05).
 ///     fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
-///     branch: Keep to these signs (shoulder, elbow, wrist).
+///     branch: Keep to these signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+".
 ///     margin: Distance kept from every joint limit, rad.
 ///     velocity_limits: `"chain"` (default), `(7,)` rad/s, or `None` for off.
 ///     swivels: Grid cells of the circle (180).
@@ -113,7 +113,7 @@ pub fn py_plan_swivel<'py>(
     link_radius: Option<f64>,
     velocity_limits: Option<VelocityLimits<'py>>,
     fixed: Option<&Bound<'py, PyAny>>,
-    branch: Option<[i8; 3]>,
+    branch: Option<&Bound<'py, PyAny>>,
     margin: f64,
     swivels: Option<Integer>,
     limit_weight: Option<f64>,
@@ -166,8 +166,26 @@ pub fn py_plan_swivel<'py>(
     swivel_plan(py, watched(py, progress, time_limit, |watch| plan_swivel(arm, path, &settings, watch))?)
 }
 
-/// Branch index of signs.
-fn read_branch(signs: [i8; 3]) -> PyResult<usize> {
+/// Branch index of three signs, or of a text such as "+-+".
+fn read_branch(given: &Bound<'_, PyAny>) -> PyResult<usize> {
+    if let Ok(word) = given.extract::<String>() {
+        let bits = word.chars().zip([4, 2, 1]).map(|(sign, bit)| match sign {
+            '+' => Some(0),
+            '-' => Some(bit),
+            _ => None,
+        });
+        let index = bits.sum::<Option<usize>>().filter(|_| word.chars().count() == 3);
+        return index.ok_or_else(|| {
+            let message =
+                format!("branch is '{word}', it must be three signs of shoulder, elbow, wrist such as '+-+'");
+            to_py(Error::Invalid(message))
+        });
+    }
+    let signs: [i8; 3] = given.extract().map_err(|_| {
+        let given = given.repr().map_or_else(|_| "?".into(), |text| text.to_string());
+        let message = format!("branch is {given}, it must be three signs such as (1, -1, 1) or '+-+'");
+        to_py(Error::Invalid(message))
+    })?;
     if signs.iter().any(|s| s.abs() != 1) {
         return Err(to_py(Error::Invalid(format!("branch is {signs:?}, its signs must be 1 or -1"))));
     }
@@ -187,7 +205,7 @@ fn read_branch(signs: [i8; 3]) -> PyResult<usize> {
 ///     scene: Obstacles.
 ///     form: `"robust"`, `"paper"`, `"paper_u"`.
 ///     link_radius: Links are capsules of this radius, m (0.05).
-///     branch: Signs (shoulder, elbow, wrist).
+///     branch: Signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+"; default "+++".
 ///     tau: Time constant, s (0.1).
 ///     lambda_: Paper: share of the wish (0.5).
 ///     gain: Paper: k of the force k/|d| (0.02).
@@ -208,10 +226,10 @@ pub struct PySwivelFlow {
 #[pymethods]
 impl PySwivelFlow {
     #[new]
-    #[pyo3(signature = (arm, desired, scene=None, form="robust", link_radius=None, *, branch=[1, 1, 1], tau=None,
+    #[pyo3(signature = (arm, desired, scene=None, form="robust", link_radius=None, *, branch=None, tau=None,
         lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, active_distance=None,
         barrier_rate=None),
-    text_signature = "(arm, desired, scene=None, form=\"robust\", link_radius=None, *, branch=(1, 1, 1), tau=None, \
+    text_signature = "(arm, desired, scene=None, form=\"robust\", link_radius=None, *, branch=None, tau=None, \
         lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, \
         active_distance=None, barrier_rate=None)")]
     fn new(
@@ -220,7 +238,7 @@ impl PySwivelFlow {
         scene: Option<&Bound<'_, PyScene>>,
         form: &str,
         link_radius: Option<f64>,
-        branch: [i8; 3],
+        branch: Option<&Bound<'_, PyAny>>,
         tau: Option<f64>,
         lambda_: Option<f64>,
         gain: Option<f64>,
@@ -245,7 +263,7 @@ impl PySwivelFlow {
             safe_distance: safe_distance.unwrap_or(default.safe_distance),
             active_distance: active_distance.unwrap_or(default.active_distance),
             barrier_rate: barrier_rate.unwrap_or(default.barrier_rate),
-            branch: read_branch(branch)?,
+            branch: branch.map(read_branch).transpose()?.unwrap_or(default.branch),
         };
         let scene = match scene {
             Some(scene) => scene.clone(),

@@ -9,13 +9,14 @@ use redundancy_core::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use redundancy_core::parallel::prelude::*;
 use redundancy_core::rotation::{
     self, Barrier, Cone, Constraint, CrossSection, DirectionCones, OrientationMethod, OrientationOptimizer,
-    OrientationSettings, OrientationSolution, QuaternionVolume, SectionDistance, Spin,
+    OrientationSet, OrientationSettings, OrientationSolution, QuaternionVolume, SectionDistance, Spin,
 };
 use redundancy_core::{Error, Result, Status};
 
 use crate::batch::in_blocks;
 use crate::convert::{Fresh, Integer, Threads, read_array, read_rows, read_seed, read_vector, to_array};
 use crate::error::to_py;
+use crate::orientation_set::combined;
 use crate::status::{status_to_py, statuses_to_py};
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
@@ -23,7 +24,7 @@ const BLOCK: usize = 65_536;
 /// Rows of one parallel task.
 const TASK: usize = 256;
 
-fn quaternion(object: &Bound<'_, PyAny>, what: &str) -> PyResult<UnitQuaternion<f64>> {
+pub fn quaternion(object: &Bound<'_, PyAny>, what: &str) -> PyResult<UnitQuaternion<f64>> {
     rotation::from_wxyz(read_array::<4>(object, what)?).map_err(to_py)
 }
 
@@ -45,7 +46,7 @@ fn in_row(error: Error, row: Option<usize>) -> Error {
 
 /// Calls `f` for one row of `width` numbers or for each of many, and returns an item of shape `out` or an array
 /// `(N, *out)`.
-fn map_rows<'py, T, const IN: usize>(
+pub fn map_rows<'py, T, const IN: usize>(
     object: &Bound<'py, PyAny>,
     what: &str,
     out: &[usize],
@@ -96,7 +97,7 @@ where
 }
 
 /// Scalars that become plain Python objects.
-trait IntoPyObjectScalar: Copy {
+pub trait IntoPyObjectScalar: Copy {
     fn scalar(self, py: Python<'_>) -> PyResult<Bound<'_, PyAny>>;
 }
 
@@ -113,7 +114,7 @@ impl IntoPyObjectScalar for bool {
 }
 
 /// The same for quaternions.
-fn map_quaternions<'py, T>(
+pub fn map_quaternions<'py, T>(
     object: &Bound<'py, PyAny>,
     out: &[usize],
     threads: Option<Threads>,
@@ -126,6 +127,14 @@ where
         f(&rotation::from_wxyz(row)?, item);
         Ok(())
     })
+}
+
+/// A tolerance of membership.
+pub fn checked_tolerance(tol: f64) -> PyResult<()> {
+    if tol.is_nan() || tol < 0.0 {
+        return Err(to_py(Error::OutOfRange { what: "tol".into(), value: tol, bound: ">= 0".into() }));
+    }
+    Ok(())
 }
 
 fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
@@ -270,6 +279,16 @@ impl PyCone {
         (b.into(), d.into(), self.cone.half_angle())
     }
 
+    /// The intersection with another set, an `OrientationSet`.
+    fn __and__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.cone.into(), other, OrientationSet::and)
+    }
+
+    /// The union with another set, an `OrientationSet`.
+    fn __or__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.cone.into(), other, OrientationSet::or)
+    }
+
     fn __repr__(&self) -> String {
         let (b, d, angle) = self.__getnewargs__();
         format!("Cone(body_axis={b:?}, direction={d:?}, half_angle={angle})")
@@ -400,14 +419,14 @@ impl PySpin {
     }
 }
 
-/// A set of orientations: one to three rotations about fixed axes within bounds, or a cone.
+/// A set of orientations: rotations about fixed axes within bounds, or a cone.
 ///
 /// `q` is in the set when it is `P * Q(phi_1, n_1) * ... * Q(phi_k, n_k) * S` with every angle in its range
 /// [FromGravdahl2007, eqs. (6), (7), (12)]. Ranges are pairs (low, high) in rad; one of a full turn or more is
 /// free. Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
 ///
 /// Raises:
-///     RedundancyError: no or more than three axes, parallel consecutive axes, an axis without length, a bound that
+///     RedundancyError: no axes, parallel consecutive axes, an axis without length, a bound that
 ///         is not finite, a lower above its upper bound, a quaternion that is not of unit norm.
 ///
 /// Example:
@@ -506,7 +525,7 @@ impl PyQuaternionVolume {
         })
     }
 
-    /// One to three rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad.
+    /// Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost.
     ///
     /// Args:
     ///     axes: `(k, 3)`, k from 1 to 3.
@@ -543,16 +562,15 @@ impl PyQuaternionVolume {
         tol: f64,
         threads: Option<Threads>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        if tol.is_nan() || tol < 0.0 {
-            return Err(to_py(Error::OutOfRange { what: "tol".into(), value: tol, bound: ">= 0".into() }));
-        }
+        checked_tolerance(tol)?;
         map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.contains(q, tol))
     }
 
     /// Signed margin, >= 0 inside: a float, or `(N,)`.
     ///
     /// For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`; pi without any bound,
-    /// and minus the angle (rad) from a set of fewer than three rotations when `q` is off it.
+    /// and minus the angle (rad) from a set of fewer than three rotations when `q` is off it. With more than three
+    /// rotations, which write `q` in a family of ways, of the way that stays farthest from the bounds (to 1e-9 rad).
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
@@ -563,6 +581,8 @@ impl PyQuaternionVolume {
     }
 
     /// Angles of `q` in the sequence, rad, `(k,)` or `(N, k)`; for a cone the ZYZ angles seen from its axis.
+    ///
+    /// Of the ways to write `q` the one that stays farthest from the bounds.
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
@@ -701,6 +721,16 @@ impl PyQuaternionVolume {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, VolumeState)> {
         Ok((py.get_type::<Self>().getattr("_restore")?, self.state()))
+    }
+
+    /// The intersection with another set, an `OrientationSet`.
+    fn __and__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.volume.clone().into(), other, OrientationSet::and)
+    }
+
+    /// The union with another set, an `OrientationSet`.
+    fn __or__<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        combined(self.volume.clone().into(), other, OrientationSet::or)
     }
 
     fn __repr__(&self) -> String {

@@ -6,6 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethod
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use redundancy_core::nalgebra::Vector3;
+use redundancy_core::rotation::to_wxyz;
 use redundancy_core::solutions::{Chart, Choice, ClosedForm, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Error, Pose};
 
@@ -690,6 +691,58 @@ impl PySelfMotion {
         self.motion.proven()
     }
 
+    /// Centre of the elbow's circle in the world, `(3,)`, m (Moore & Oztop 2010, fig. 3).
+    #[getter]
+    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.motion.center().as_slice())
+    }
+
+    /// Unit vector from shoulder to wrist in the world, `(3,)`: the paper's n, the axis of the elbow's circle.
+    #[getter]
+    fn axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.motion.axis().as_slice())
+    }
+
+    /// Radius of the elbow's circle, m: the paper's rho; 0 for the stretched and the folded arm.
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.motion.radius()
+    }
+
+    /// Axes `[x, y, k]` in the world, `(3, 3)`, of the frame in which the paper's quaternions are written.
+    ///
+    /// k is the axis of joint 1 (or the chart's reference), x the base's x projected: for a PA10 that stands at the
+    /// origin the identity.
+    #[getter]
+    fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        to_array(py, self.motion.frame().transpose().as_slice(), [3, 3])
+    }
+
+    /// The paper's q_A (eq. 14), `(w, x, y, z)`: turns x, y, k into the directions of s = 0, s = pi/2 and n.
+    ///
+    /// Its angle is `acos(k . n)`; the vector part is along k x n.
+    #[getter]
+    fn q_a<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &to_wxyz(&self.motion.q_a()))
+    }
+
+    /// The elbow in the world at a swivel: the paper's p_E (eq. 15).
+    ///
+    /// It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the
+    /// elbow's axis nearest to shoulder and wrist.
+    ///
+    /// Args:
+    ///     s: Swivel, rad, or `(N,)`.
+    ///
+    /// Returns:
+    ///     `(3,)` or `(N, 3)`, m.
+    ///
+    /// Raises:
+    ///     RedundancyError: A swivel that is not finite.
+    fn elbow<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        rows_of(py, s, |s| Ok(self.motion.elbow_position(s).into()))
+    }
+
     /// The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach.
     #[getter]
     fn branches(&self) -> Vec<PyBranch> {
@@ -771,16 +824,29 @@ impl PyBranch {
         one: impl Fn(redundancy_core::solutions::Branch<'_>, f64) -> redundancy_core::Result<[f64; 7]>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let branch = self.motion.branch(self.index).map_err(to_py)?;
-        if let Ok(s) = s.extract::<f64>() {
-            return Ok(PyArray1::from_slice(py, &one(branch, s).map_err(to_py)?).into_any());
-        }
-        let rows: Vec<[f64; 7]> = read_vector(s, "s", None)?
-            .into_iter()
-            .map(|s| one(branch, s))
-            .collect::<Result<_, _>>()
-            .map_err(to_py)?;
-        Ok(to_array(py, rows.as_flattened(), [rows.len(), 7])?.into_any())
+        rows_of(py, s, |s| one(branch, s))
     }
+}
+
+/// Evaluates `one` at an angle `(W,)`, or at each of an array `(N, W)`.
+fn rows_of<'py, const W: usize>(
+    py: Python<'py>,
+    s: &Bound<'py, PyAny>,
+    one: impl Fn(f64) -> redundancy_core::Result<[f64; W]>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let finite = |s: f64| match s.is_finite() {
+        true => one(s),
+        false => Err(redundancy_core::Error::NotFinite { what: "s".into(), index: 0, value: s }),
+    };
+    if let Ok(s) = s.extract::<f64>() {
+        return Ok(PyArray1::from_slice(py, &finite(s).map_err(to_py)?).into_any());
+    }
+    let rows: Vec<[f64; W]> = read_vector(s, "s", None)?
+        .into_iter()
+        .map(finite)
+        .collect::<redundancy_core::Result<_>>()
+        .map_err(to_py)?;
+    Ok(to_array(py, rows.as_flattened(), [rows.len(), W])?.into_any())
 }
 
 #[pymethods]
@@ -814,6 +880,45 @@ impl PyBranch {
     ///     s: Swivel, rad: a number or `(N,)`.
     fn tangent<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, s, |branch, s| branch.tangent(s))
+    }
+
+    /// Every configuration within the limits at a swivel: all windings of all joints.
+    ///
+    /// Args:
+    ///     s: Swivel, rad.
+    ///
+    /// Returns:
+    ///     `(k, 7)`, ascending by the first joint that differs; joints without limits keep their principal value.
+    ///     `(0, 7)` where the branch breaks a limit here.
+    ///
+    /// Raises:
+    ///     RedundancyError: A swivel that is not finite.
+    fn windings<'py>(&self, py: Python<'py>, s: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.motion.branch(self.index).and_then(|branch| branch.windings(s)).map_err(to_py)?;
+        to_array(py, rows.as_flattened(), [rows.len(), 7])
+    }
+
+    /// The paper's quaternions at a swivel (Moore & Oztop 2010, eqs 22 to 27), in `SelfMotion.frame`.
+    ///
+    /// Args:
+    ///     s: Swivel, rad, or `(N,)`.
+    ///
+    /// Returns:
+    ///     `(q_3, q_4, conj(q_4) q)`, each `(4,)` or `(N, 4)`, `(w, x, y, z)`: the orientations of upper arm and
+    ///     forearm, z along the link and y along the axis of joint 4, and what joints 5 to 7 turn.
+    ///
+    /// Raises:
+    ///     RedundancyError: A swivel that is not finite.
+    fn quaternions<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
+        let branch = self.motion.branch(self.index).map_err(to_py)?;
+        let parts = [0, 1, 2].map(|part| {
+            rows_of(py, s, |s| {
+                let all = branch.quaternions(s);
+                Ok(to_wxyz(&[all.q3, all.q4, all.wrist][part]))
+            })
+        });
+        let [q3, q4, wrist] = parts;
+        PyTuple::new(py, [q3?, q4?, wrist?])
     }
 
     /// Where all joint limits hold with `margin` (rad, from each limit): `(k, 2)`, exact.

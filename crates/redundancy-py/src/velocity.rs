@@ -2,12 +2,12 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use redundancy_core::Error;
 use redundancy_core::Status;
-use redundancy_core::kinematics::Task;
+use redundancy_core::kinematics::{MiddleFrame, Scratch, Task};
 use redundancy_core::planning::{Track, TrackSettings, track};
 use redundancy_core::velocity::{
     ActiveLimit, Damping, ExtendedJacobian, Gain, ProjectedGradient, ReducedGradient, Resolver,
@@ -15,7 +15,7 @@ use redundancy_core::velocity::{
 };
 
 use crate::chain::PyChain;
-use crate::convert::read_vector;
+use crate::convert::{read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::path::PyPath;
@@ -202,6 +202,47 @@ impl PyResolver {
         self.lock().basis().to_vec()
     }
 
+    /// The Jacobian in whose coordinates the scheme solves.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)`, rad or m.
+    ///
+    /// Returns:
+    ///     `(m, n)`: that of the task; with `frame=` the one about the origin and in the axes of that link
+    ///     (Bettini, De Luca, Oriolo 2000, eq. 7). Singular values, and so damping and the choice of a basis, are its
+    ///     own.
+    ///
+    /// Raises:
+    ///     RedundancyError: A wrong size, or numbers that are not finite.
+    fn jacobian<'py>(&self, py: Python<'py>, q: &Bound<'_, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let q = read_vector(q, "q", None)?;
+        let resolver = self.lock();
+        let (chain, task) = (resolver.chain(), *resolver.task());
+        let (m, n) = (task.dim(), chain.dof());
+        let columns = match resolver.frame() {
+            Some(link) => {
+                let frame = MiddleFrame::new(chain, &task, link).map_err(to_py)?;
+                frame.jacobian(chain, &q).map_err(to_py)?.as_slice().to_vec()
+            }
+            None => {
+                let mut scratch = Scratch::new(chain);
+                let kinematics = chain.kinematics(&q, &mut scratch).map_err(to_py)?;
+                let mut out = vec![0.0; m * n];
+                task.write_jacobian(&kinematics, &mut out);
+                out
+            }
+        };
+        let rows: Vec<f64> = (0..m * n).map(|k| columns[k % n * m + k / n]).collect();
+        to_array(py, &rows, [m, n])
+    }
+
+    /// The link in whose frame the scheme works; None for the task's own coordinates.
+    #[getter]
+    fn frame(&self) -> Option<String> {
+        let resolver = self.lock();
+        resolver.frame().map(|link| resolver.chain().links()[link].name.clone())
+    }
+
     fn __repr__(&self) -> &str {
         &self.text
     }
@@ -223,6 +264,13 @@ impl PyResolver {
 ///         after `dt` within position and velocity limits (section 4.4).
 ///     task: Which coordinates count; `pose` by default.
 ///     damping: `"auto"`, a `Damping`, or None for off.
+///     frame: Name of the link in whose axes and about whose origin the six coordinates of `pose` or `pose_rpy` are
+///         written inside (eq. 7): damping then acts on the singular values of that Jacobian. Velocities and task
+///         errors are given as before.
+///
+/// Raises:
+///     RedundancyError: A task with more coordinates than joints, a criterion of another arm, a gain that is negative
+///         or not finite, an unknown link, a `frame` for another task.
 ///
 /// Example:
 ///     >>> import redundancy as rd
@@ -237,19 +285,20 @@ pub struct PyProjectedGradient;
 #[pymethods]
 impl PyProjectedGradient {
     #[new]
-    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into())),
-    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\")")]
+    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), *, frame=None),
+    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", *, frame=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<&Bound<'_, PyCriterion>>,
         gain: &Bound<'_, PyAny>,
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<WordOr>,
+        frame: Option<&str>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
         let damping = bound(py, damping);
         let task = task.map_or(Ok(Task::POSE), read_task)?;
-        let resolver = ProjectedGradient::new(
+        let mut resolver = ProjectedGradient::new(
             &chain.get().chain,
             read_criterion(criterion),
             read_gain(gain)?,
@@ -257,9 +306,28 @@ impl PyProjectedGradient {
             read_damping(damping.as_ref())?,
         )
         .map_err(to_py)?;
-        let arguments = (chain, criterion, gain, PyTask { task }, damping).into_pyobject(py)?;
-        let base = PyResolver::of(py.get_type::<Self>(), arguments, chain, resolver)?;
+        if let Some(frame) = frame {
+            let link = chain.get().chain.link_index(frame).map_err(to_py)?;
+            resolver = resolver.in_frame(link).map_err(to_py)?;
+        }
+        let make = py.get_type::<Self>().getattr("_make")?;
+        let arguments = (chain, criterion, gain, PyTask { task }, damping, frame).into_pyobject(py)?;
+        let mut base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
+        base.recipe = PyTuple::new(py, [make, arguments.into_any()])?.unbind();
         Ok(PyClassInitializer::from(base).add_subclass(Self))
+    }
+
+    /// Inverse of pickling: all arguments by place.
+    #[staticmethod]
+    fn _make<'py>(
+        chain: &Bound<'py, PyChain>,
+        criterion: Option<&Bound<'py, PyCriterion>>,
+        gain: &Bound<'py, PyAny>,
+        task: &Bound<'py, PyAny>,
+        damping: Option<WordOr>,
+        frame: Option<&str>,
+    ) -> PyResult<Bound<'py, Self>> {
+        Bound::new(chain.py(), Self::new(chain, criterion, gain, Some(task), damping, frame)?)
     }
 }
 
@@ -277,14 +345,25 @@ impl PyProjectedGradient {
 ///     damping: As for `ProjectedGradient`; acts only where no basis is good.
 ///     basis: Dependent joints, from 0, as many as the task has coordinates; they are then kept. The paper's DEXTER
 ///         with "columns 2 and 7 deleted" is `(0, 2, 3, 4, 5, 7)`.
+///     frame: As for `ProjectedGradient`: the paper's DEXTER works in `"link4"`.
+///     form: `"robust"`: the freedom never moves the tool. `"paper"`: eq. 4 as printed, with the damped inverse also in
+///         `J_R`, so that under damping it does.
+///     schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
+///         over three steps and reported. Needs `basis` for the start, and `dt` in every step.
+///
+/// Raises:
+///     RedundancyError: As for `ProjectedGradient`; a basis of another size, with a joint twice or one that there is
+///         not; a schedule without `basis`, or whose times do not ascend; an unknown form.
 #[pyclass(name = "ReducedGradient", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PyReducedGradient;
 
 #[pymethods]
 impl PyReducedGradient {
     #[new]
-    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), basis=None),
-    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", basis=None)")]
+    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), basis=None, *,
+                        frame=None, form="robust", schedule=None),
+    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", basis=None, *, frame=None, form=\"robust\", \
+        schedule=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<&Bound<'_, PyCriterion>>,
@@ -292,12 +371,15 @@ impl PyReducedGradient {
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<WordOr>,
         basis: Option<Vec<i64>>,
+        frame: Option<&str>,
+        form: &str,
+        schedule: Option<Vec<(f64, Vec<i64>)>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
         let damping = bound(py, damping);
         let task = task.map_or(Ok(Task::POSE), read_task)?;
         let joints = basis.as_deref().map(read_basis).transpose()?;
-        let resolver = ReducedGradient::new(
+        let mut resolver = ReducedGradient::new(
             &chain.get().chain,
             read_criterion(criterion),
             read_gain(gain)?,
@@ -306,9 +388,49 @@ impl PyReducedGradient {
             joints.as_deref(),
         )
         .map_err(to_py)?;
-        let arguments = (chain, criterion, gain, PyTask { task }, damping, basis).into_pyobject(py)?;
-        let base = PyResolver::of(py.get_type::<Self>(), arguments, chain, resolver)?;
+        if let Some(frame) = frame {
+            let link = chain.get().chain.link_index(frame).map_err(to_py)?;
+            resolver = resolver.in_frame(link).map_err(to_py)?;
+        }
+        match form {
+            "robust" => {}
+            "paper" => resolver = resolver.as_printed(),
+            name => {
+                let valid = ["robust", "paper"].map(String::from).to_vec();
+                return Err(to_py(Error::UnknownName { kind: "form", name: name.into(), valid }));
+            }
+        }
+        if let Some(changes) = &schedule {
+            let read = |(time, basis): &(f64, Vec<i64>)| Ok((*time, read_basis(basis)?));
+            let changes = changes.iter().map(read).collect::<PyResult<Vec<_>>>()?;
+            let changes: Vec<_> = changes.iter().map(|(time, basis)| (*time, &basis[..])).collect();
+            resolver = resolver.with_schedule(&changes).map_err(to_py)?;
+        }
+        let make = py.get_type::<Self>().getattr("_make")?;
+        let task = PyTask { task };
+        let arguments =
+            (chain, criterion, gain, task, damping, basis, frame, form, schedule).into_pyobject(py)?;
+        let mut base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
+        base.recipe = PyTuple::new(py, [make, arguments.into_any()])?.unbind();
         Ok(PyClassInitializer::from(base).add_subclass(Self))
+    }
+
+    /// Inverse of pickling: all arguments by place.
+    #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "those of the constructor")]
+    fn _make<'py>(
+        chain: &Bound<'py, PyChain>,
+        criterion: Option<&Bound<'py, PyCriterion>>,
+        gain: &Bound<'py, PyAny>,
+        task: &Bound<'py, PyAny>,
+        damping: Option<WordOr>,
+        basis: Option<Vec<i64>>,
+        frame: Option<&str>,
+        form: &str,
+        schedule: Option<Vec<(f64, Vec<i64>)>>,
+    ) -> PyResult<Bound<'py, Self>> {
+        let made = Self::new(chain, criterion, gain, Some(task), damping, basis, frame, form, schedule)?;
+        Bound::new(chain.py(), made)
     }
 }
 

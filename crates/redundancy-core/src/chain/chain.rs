@@ -111,6 +111,18 @@ impl Chain {
         self.inner.joints.len()
     }
 
+    /// Whether `other` has the same joints in the same places: only limits, base, tool, links and inertias may differ.
+    pub(crate) fn has_joints_of(&self, other: &Self) -> bool {
+        let same = |(a, b): (&Joint, &Joint)| {
+            a.name == b.name
+                && a.kind.is_rotational() == b.kind.is_rotational()
+                && a.axis == b.axis
+                && a.placement == b.placement
+        };
+        Arc::ptr_eq(&self.inner, &other.inner)
+            || (self.dof() == other.dof() && self.joints().iter().zip(other.joints()).all(same))
+    }
+
     /// The joints from base to tip.
     pub fn joints(&self) -> &[Joint] {
         &self.inner.joints

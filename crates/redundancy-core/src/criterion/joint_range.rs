@@ -16,6 +16,7 @@ use crate::chain::Chain;
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointRange {
     springs: Vec<JointSpring>,
+    arm: Chain,
 }
 
 impl JointRange {
@@ -35,12 +36,16 @@ impl JointRange {
                 }
             })
             .collect();
-        Self { springs }
+        Self { springs, arm: chain.clone() }
     }
 }
 
 impl Springs for JointRange {
     fn row(&self) -> &[JointSpring] {
         &self.springs
+    }
+
+    fn arm(&self) -> Option<&Chain> {
+        Some(&self.arm)
     }
 }

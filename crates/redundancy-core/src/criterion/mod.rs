@@ -92,6 +92,19 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
         None
     }
 
+    /// The arm that it was made for; `None` where it fits every arm with as many joints.
+    fn arm(&self) -> Option<&Chain> {
+        self.chain()
+    }
+
+    /// Checks that it was made for `chain`: the same joints in the same places. Limits, base and tool may differ.
+    ///
+    /// # Errors
+    /// Another number of joints, another arm.
+    fn check_arm(&self, chain: &Chain) -> Result<()> {
+        check_joints(self.dof(), self.arm(), chain)
+    }
+
     /// Writes dh/dq to `out` (n) in a control step: `kinematics` are those of [`Criterion::chain`] at `q`, so that
     /// nothing is computed twice and nothing allocated. Callers whose chain is another one call `gradient`.
     fn gradient_at(&self, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {
@@ -138,14 +151,44 @@ pub(crate) fn check_dof(criterion: &dyn Criterion, dof: usize) -> Result<()> {
     Err(Error::Length { what: "joints of the criterion".into(), expected: dof, actual: criterion.dof() })
 }
 
+/// Checks that something for `dof` joints, made for `arm`, fits `chain`.
+fn check_joints(dof: usize, arm: Option<&Chain>, chain: &Chain) -> Result<()> {
+    if dof != chain.dof() {
+        let (expected, actual) = (chain.dof(), dof);
+        return Err(Error::Length { what: "joints of the criterion".into(), expected, actual });
+    }
+    match arm.filter(|arm| !arm.has_joints_of(chain)) {
+        None => Ok(()),
+        Some(arm) => Err(Error::Invalid(format!(
+            "the criterion was made for '{}' (joints {}), here the arm is '{}' (joints {})",
+            arm.name(),
+            names_of(arm),
+            chain.name(),
+            names_of(chain)
+        ))),
+    }
+}
+
+fn names_of(chain: &Chain) -> String {
+    let names: Vec<&str> = chain.joints().iter().map(|joint| joint.name.as_str()).collect();
+    names.join(", ")
+}
+
 /// Criteria that are nothing but a row of springs.
 trait Springs: Send + Sync + std::fmt::Debug {
     fn row(&self) -> &[JointSpring];
+
+    /// As [`Criterion::arm`].
+    fn arm(&self) -> Option<&Chain>;
 }
 
 impl<T: Springs> Criterion for T {
     fn dof(&self) -> usize {
         self.row().len()
+    }
+
+    fn arm(&self) -> Option<&Chain> {
+        Springs::arm(self)
     }
 
     fn value(&self, q: &[f64]) -> f64 {

@@ -1,12 +1,14 @@
 //! Squared distance from a wished configuration, to be minimised: `h(q) = 1/2 sum_i w_i (q_i - r_i)^2`.
 
 use super::{JointSpring, Springs};
+use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite, check_length};
 
 /// Nearness to a reference configuration; joint values count as they are, a winding away is far away.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posture {
     springs: Vec<JointSpring>,
+    arm: Option<Chain>,
 }
 
 impl Posture {
@@ -34,12 +36,25 @@ impl Posture {
             .iter()
             .zip(weights)
             .map(|(center, weight)| JointSpring { weight: *weight, center: *center });
-        Ok(Self { springs: springs.collect() })
+        Ok(Self { springs: springs.collect(), arm: None })
+    }
+
+    /// The same for `chain` alone: another arm with as many joints is refused.
+    ///
+    /// # Errors
+    /// A chain with another number of joints.
+    pub fn of(self, chain: &Chain) -> Result<Self> {
+        check_length("q_ref", &vec![0.0; self.springs.len()], chain.dof())?;
+        Ok(Self { arm: Some(chain.clone()), ..self })
     }
 }
 
 impl Springs for Posture {
     fn row(&self) -> &[JointSpring] {
         &self.springs
+    }
+
+    fn arm(&self) -> Option<&Chain> {
+        self.arm.as_ref()
     }
 }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, Vector3, Vector6};
 
-use super::{Criterion, check_dof};
+use super::Criterion;
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::{NullSpace, Scratch, Task, TaskKind};
@@ -83,7 +83,7 @@ impl<'a> Stationarity<'a> {
 
     fn with(chain: &Chain, criterion: Handle<'a>, task: Task) -> Result<Self> {
         let (n, m) = (chain.dof(), task.dim());
-        check_dof(criterion.get(), n)?;
+        criterion.get().check_arm(chain)?;
         check_redundant(chain, &task)?;
         let r = n - m;
         Ok(Self {

@@ -42,6 +42,9 @@ impl Weighted {
     /// Criteria for different numbers of joints, or one to minimise and one to maximise (negate one of them).
     pub fn sum(a: Arc<dyn Criterion>, b: Arc<dyn Criterion>) -> Result<Self> {
         super::check_dof(&*b, a.dof())?;
+        if let Some(arm) = a.arm() {
+            b.check_arm(arm)?;
+        }
         if a.sense() != b.sense() {
             return Err(Error::Invalid(
                 "a criterion to minimize and one to maximize cannot be added; multiply one of them by -1"
@@ -95,6 +98,15 @@ impl Criterion for Weighted {
         let mut chains = self.terms.iter().filter_map(|(_, h)| h.chain());
         let first = chains.next()?;
         chains.all(|other| other == first).then_some(first)
+    }
+
+    /// That of the first term that has one.
+    fn arm(&self) -> Option<&Chain> {
+        self.terms.iter().find_map(|(_, h)| h.arm())
+    }
+
+    fn check_arm(&self, chain: &Chain) -> Result<()> {
+        self.terms.iter().try_for_each(|(_, h)| h.check_arm(chain))
     }
 
     fn gradient_at(&self, q: &[f64], kinematics: &Kinematics<'_>, out: &mut [f64]) {

@@ -5,54 +5,33 @@ use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 use crate::error::{Error, Result, check_vector};
 use crate::kinematics::{Kinematics, PoseError, Task, TaskKind, rotation_vector};
 use crate::pose::Pose;
-use crate::rotation::{Cone, QuaternionVolume};
+use crate::rotation::OrientationSet;
 
-/// A set of orientations.
-#[derive(Debug, Clone)]
-pub enum OrientationSet {
-    /// The tool's axis within a cone.
-    Cone(Cone),
-    /// A sequence of bounded rotations.
-    Volume(QuaternionVolume),
-}
-
-impl From<Cone> for OrientationSet {
-    fn from(cone: Cone) -> Self {
-        Self::Cone(cone)
-    }
-}
-
-impl From<QuaternionVolume> for OrientationSet {
-    fn from(volume: QuaternionVolume) -> Self {
-        Self::Volume(volume)
-    }
-}
-
-impl OrientationSet {
-    /// Rotation vector (world axes) from `q` to the nearest member; zero inside.
-    pub(super) fn way_in(&self, rotation: &Rotation3<f64>) -> Vector3<f64> {
-        match self {
-            Self::Cone(cone) => {
-                let axis = rotation * *cone.body_axis();
-                let across = axis.cross(&cone.direction());
-                let (sin, cos) = (across.norm(), axis.dot(&cone.direction()));
-                let excess = sin.atan2(cos) - cone.half_angle();
-                if excess <= 0.0 {
-                    Vector3::zeros()
-                } else if sin > 0.0 {
-                    across * (excess / sin)
-                } else {
-                    // Against the direction: any axis across it serves.
-                    crate::chain::axis_onto_z(&axis).column(0) * excess
-                }
+/// Rotation vector (world axes) from `rotation` to the nearest member of `set`; zero inside, and where an intersection
+/// has no member that could be found.
+pub(super) fn way_in(set: &OrientationSet, rotation: &Rotation3<f64>) -> Vector3<f64> {
+    match set {
+        OrientationSet::Cone(cone) => {
+            let axis = rotation * *cone.body_axis();
+            let across = axis.cross(&cone.direction());
+            let (sin, cos) = (across.norm(), axis.dot(&cone.direction()));
+            let excess = sin.atan2(cos) - cone.half_angle();
+            if excess <= 0.0 {
+                Vector3::zeros()
+            } else if sin > 0.0 {
+                across * (excess / sin)
+            } else {
+                // Against the direction: any axis across it serves.
+                crate::chain::axis_onto_z(&axis).column(0) * excess
             }
-            Self::Volume(volume) => {
-                let q = UnitQuaternion::from_rotation_matrix(rotation);
-                if volume.margin(&q) >= 0.0 {
-                    return Vector3::zeros();
-                }
-                rotation_vector(&(volume.nearest(&q) * q.inverse()).to_rotation_matrix())
+        }
+        set => {
+            let q = UnitQuaternion::from_rotation_matrix(rotation);
+            if set.margin(&q) >= 0.0 {
+                return Vector3::zeros();
             }
+            let near = set.nearest(&q).unwrap_or(q);
+            rotation_vector(&(near * q.inverse()).to_rotation_matrix())
         }
     }
 }
@@ -117,7 +96,7 @@ impl Goal<'_> {
         let pose = kinematics.pose();
         if let Some(set) = self.set {
             // The position, and one row along the shortest way into the set: the gradient of the distance from it.
-            let way = set.way_in(&pose.rotation);
+            let way = way_in(set, &pose.rotation);
             let distance = way.norm();
             let along = if distance > 0.0 { way / distance } else { Vector3::zeros() };
             let d = self.target.translation.vector - pose.translation.vector;

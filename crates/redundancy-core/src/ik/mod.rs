@@ -12,10 +12,11 @@ mod sinusoid;
 mod solver;
 mod starts;
 
+pub use crate::rotation::OrientationSet;
 pub use batch::IkBatch;
 pub use descent::{
     Attraction, CostMeasure, DescentMethod, DescentSettings, GradientKind, SweepOrder, default_joint_weights,
 };
-pub use goal::{OrientationSet, task_target};
+pub use goal::task_target;
 pub use sinusoid::{CostWeights, HalfAngle, Sinusoid, pose_cost, quaternion_cost, slide_within};
 pub use solver::{IkMemory, IkMethod, IkResult, IkSettings, IkSolver, IkTrace};

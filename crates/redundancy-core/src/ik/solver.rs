@@ -18,14 +18,15 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::descent::{DescentMethod, DescentSettings, JointDescent};
-use super::goal::{Goal, OrientationSet};
+use super::goal::{Goal, way_in};
 use super::newton::{NewtonProblem, NewtonRun, RunEnd, Workspace};
 use super::starts::{Starts, ranges};
 use crate::chain::Chain;
-use crate::criterion::{Criterion, check_dof};
+use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::{Task, TaskKind};
 use crate::pose::{Pose, checked_pose};
+use crate::rotation::OrientationSet;
 use crate::solutions::{ClosedForm, closed_form};
 use crate::status::Status;
 use crate::tolerance::{IK_CRITERION, IK_CRITERION_SHARE, IK_RADIANS_PER_METRE};
@@ -157,7 +158,7 @@ impl IkSettings {
             return Err(Error::OutOfRange { what, value: 0.0, bound: ">= 1".into() });
         }
         if let Some(criterion) = &self.criterion {
-            check_dof(&**criterion, chain.dof())?;
+            criterion.check_arm(chain)?;
         }
         let whole = matches!(self.task.kind(), TaskKind::Pose | TaskKind::PoseRpy);
         self.descent.validate(chain)?;
@@ -453,10 +454,10 @@ impl IkSolver {
         let mut known = None;
         if let Some(form) = closed {
             let status = form.select(pose, q0, settings.criterion.as_deref(), &mut result.q);
-            if status != Status::Converged {
+            if matches!(status, Status::Limits | Status::Unreachable) {
                 known = Some(status);
                 result.proven = form.proves(pose);
-            } else {
+            } else if status == Status::Converged {
                 let run = problem.run(&goal, &mut result.q, &mut memory.work, RUN, true);
                 report(result, &run, Status::Converged);
                 if run.end == RunEnd::Converged {
@@ -728,7 +729,7 @@ impl IkSolver {
 fn nominal(goal: &Goal<'_>) -> Pose {
     let mut pose = goal.target;
     if let Some(set) = goal.set {
-        pose.rotation = nalgebra::Rotation3::new(set.way_in(&pose.rotation)) * pose.rotation;
+        pose.rotation = nalgebra::Rotation3::new(way_in(set, &pose.rotation)) * pose.rotation;
     }
     pose
 }

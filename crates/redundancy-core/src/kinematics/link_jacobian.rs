@@ -54,7 +54,7 @@ impl Default for JacobianOf {
 
 impl Kinematics<'_> {
     /// Pose of a link of `chain`, to which these kinematics belong.
-    fn link_pose(&self, chain: &Chain, index: usize) -> Option<Pose> {
+    pub(super) fn link_pose(&self, chain: &Chain, index: usize) -> Option<Pose> {
         let link = chain.links().get(index)?;
         let moved = match link.joints_before.checked_sub(1) {
             None => *chain.base(),

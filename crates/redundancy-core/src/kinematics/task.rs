@@ -224,6 +224,30 @@ impl Task {
         }
     }
 
+    /// The velocity of the tool (linear and angular, world axes) that has these coordinates; of what the task leaves free,
+    /// nothing. The inverse of [`from_twist`](Self::from_twist) for `pose` and `pose_rpy`.
+    pub fn twist(&self, pose: &Pose, coordinates: &Vector6<f64>) -> Vector6<f64> {
+        let [x, y, z, a, b, c] = (*coordinates).into();
+        match self.kind {
+            TaskKind::Pose => *coordinates,
+            TaskKind::PoseRpy => {
+                // [ez, Rz(phi) ey, Rz(phi) Ry(theta) ex] [Bettini2000, section 4.1].
+                let (sin, cos) = heading(pose).sin_cos();
+                let first = pose.rotation.matrix().column(0);
+                let w = Vector3::z() * a + Vector3::new(-sin, cos, 0.0) * b + first * c;
+                Vector6::new(x, y, z, w.x, w.y, w.z)
+            }
+            TaskKind::Position => Vector6::new(x, y, z, 0.0, 0.0, 0.0),
+            TaskKind::Pointing => {
+                let [u, w] = self.across(pose);
+                let w = u * a + w * b;
+                Vector6::new(x, y, z, w.x, w.y, w.z)
+            }
+            TaskKind::Planar => Vector6::new(x, y, 0.0, 0.0, 0.0, 0.0),
+            TaskKind::PlanarPose => Vector6::new(x, y, 0.0, 0.0, 0.0, z),
+        }
+    }
+
     /// A velocity given by a caller in task coordinates: as it is, but for `pointing`, where the six numbers are a
     /// linear and an angular velocity whose spin about the tool axis does not count.
     ///

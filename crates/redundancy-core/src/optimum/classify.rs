@@ -297,7 +297,7 @@ pub fn cofactor_condition(
     task: Task,
 ) -> Result<CofactorCondition> {
     chain.check_q(q)?;
-    crate::criterion::check_dof(criterion, chain.dof())?;
+    criterion.check_arm(chain)?;
     let (n, m) = (chain.dof(), task.dim());
     if n != m + 1 {
         return Err(Error::Invalid(format!(

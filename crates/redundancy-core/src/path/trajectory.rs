@@ -33,7 +33,7 @@ pub enum EventKind {
     LimitReleased,
     /// The arm touches an obstacle or itself.
     Contact,
-    /// A joint's velocity limit bounds the speed along the path.
+    /// A speed limit of a joint bounds the speed along the path or the motion of the freedom.
     SpeedBounded,
 }
 

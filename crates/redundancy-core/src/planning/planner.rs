@@ -3,15 +3,16 @@
 //! # Method
 //! 1. **States** over a few points of the path, sampled evenly in joint space and carried from point to point
 //!    ([`nodes`](super::nodes)).
-//! 2. **Search** by dynamic programming over all pairs of neighbouring states, with the joint speeds as limits; a
-//!    handful of lines that differ ([`search`](super::search)). Steps that turn out not to be connected are taken out, and the
+//! 2. **Search** by dynamic programming over all pairs of neighbouring states, with the joint speeds as limits;
+//!    lines that differ ([`search`](super::search)). Steps that turn out not to be connected are taken out, and the
 //!    search is repeated.
 //! 3. **Refinement** of each line on more points, of the best ones on all of them, to a local optimum
 //!    ([`refine`](super::refine)).
 //! 4. **Verification** of what is returned ([`verify`](super::verify)).
 //!
-//! Where no legal line comes out, all of it is done again with more states over more points. Where none comes out in the
-//! end, the same search counts reconfigurations, and the reason is looked for ([`explain`](super::explain)).
+//! Where lines break a limit, others are looked for away from there. Where no legal line comes out, all of it is done again
+//! with more states over more points. Where none comes out in the end, the same search counts reconfigurations, and the
+//! reason is looked for ([`explain`](super::explain)).
 
 use super::demand::{Demand, Objective, PlanSettings};
 use super::explain;
@@ -141,16 +142,14 @@ impl Run<'_> {
         }
         let layers = demand.thinned(&rows);
         let mut middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
-        let n = demand.dof();
         let mut best: Option<Refined> = None;
-        let mut fined: Vec<(usize, f64)> = Vec::new();
-        let mut avoided: Vec<Avoided> = Vec::new();
+        let mut seen = Seen::default();
         for round in 0..=AVOIDING {
             let mut lines = Vec::new();
             // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
             for _ in 0..=MOST_WOUND {
                 let mut search = Search::new(&layers, &nodes);
-                avoided.iter().for_each(|place| search.avoid(place.layer, &place.q, place.radius));
+                seen.places.iter().for_each(|place| search.avoid(place.layer, &place.q, place.radius));
                 let (connected, wound) = connected_lines(demand, &mut search, &rows, &middle, watch);
                 lines = connected;
                 match wound {
@@ -158,46 +157,39 @@ impl Run<'_> {
                     _ => break,
                 }
             }
-            if lines.is_empty() || part.report(0.3 + 0.2 * round as f64).is_err() {
+            let share = |of_round: f64| 0.3 + 0.7 * (round as f64 + of_round) / (AVOIDING as f64 + 1.0);
+            if lines.is_empty() || part.report(share(0.3)).is_err() {
                 best = best.or_else(|| lines.into_iter().find_map(|q| self.unrefined(&middle, &q)));
-                return Found { best, nodes };
+                break;
             }
             let coarse = demand.thinned(&middle);
             let how = Refinement { watch: Some(watch), ..Refinement::COARSE };
             let mut refined: Vec<Refined> =
                 lines.into_par_iter().filter_map(|line| minimise(&coarse, line, &how)).collect();
             refined.sort_by(|a, b| score(&coarse, a).total_cmp(&score(&coarse, b)));
-            let _ = part.report(0.4 + 0.2 * round as f64);
+            let _ = part.report(share(0.6));
             let refined = distinct(&coarse, refined);
-            for line in refined.iter().filter(|line| !line.is_legal()) {
-                let row = line.worst_row;
-                avoid(&mut avoided, round, &rows, middle[row], &line.q[row * n..(row + 1) * n]);
-            }
-            // Per row: the costs of lines on some rows and on all of them compare.
-            let least_illegal = (refined.iter().filter(|line| !line.is_legal()))
-                .fold(f64::INFINITY, |least, line| least.min(line.cost));
-            // Lines that were refined on all rows before need not be again.
-            let old = |line: &Refined| {
-                fined
-                    .iter()
-                    .any(|(rows, cost)| *rows == middle.len() && (line.cost - cost).abs() <= SAME_COST * cost)
+            let cheapest = |legal: bool| {
+                let costs = refined.iter().filter(|line| line.is_legal() == legal).map(|line| line.cost);
+                costs.fold(f64::INFINITY, f64::min)
             };
-            let hopeless = |line: &Refined| round > 0 && !line.is_legal();
-            let new: Vec<Refined> =
-                refined.into_iter().filter(|line| !old(line) && !hopeless(line)).collect();
-            fined.extend(new.iter().map(|line| (middle.len(), line.cost)));
-            let fine = self.fine(&coarse, &middle, new);
+            let enough = cheapest(true) <= FINE_WINDOW * cheapest(false);
+            seen.illegal(round, &rows, &middle, &refined);
+            let fine = self.fine(&coarse, &middle, seen.new_ones(round, &middle, refined));
             if let Some(line) = fine.as_ref().filter(|line| !line.is_legal()) {
+                seen.illegal(
+                    round,
+                    &rows,
+                    &(0..demand.rows()).collect::<Vec<_>>(),
+                    std::slice::from_ref(line),
+                );
                 let near = line.worst_row.saturating_sub(DENSE_ROWS)..line.worst_row + DENSE_ROWS;
                 middle.extend(near.filter(|row| *row < demand.rows()));
                 middle.sort_unstable();
                 middle.dedup();
-                let row = line.worst_row;
-                avoid(&mut avoided, round, &rows, row, &line.q[row * n..(row + 1) * n]);
             }
             best = better(demand, best, fine);
-            let enough = |line: &Refined| line.is_legal() && line.cost <= FINE_WINDOW * least_illegal;
-            if best.as_ref().is_some_and(enough) || watch.interrupted().is_some() {
+            if (enough && best.as_ref().is_some_and(Refined::is_legal)) || watch.interrupted().is_some() {
                 break;
             }
         }
@@ -243,7 +235,15 @@ impl Run<'_> {
     }
 }
 
-/// States around a place at which refined lines break a limit.
+/// What one level has seen of lines that break limits.
+#[derive(Default)]
+struct Seen {
+    places: Vec<Avoided>,
+    /// Number of rows and cost of the lines that were refined on all rows.
+    refined: Vec<(usize, f64)>,
+}
+
+/// States around a place at which a refined line breaks a limit.
 struct Avoided {
     layer: usize,
     q: Vec<f64>,
@@ -252,22 +252,43 @@ struct Avoided {
     round: usize,
 }
 
-/// Lines keep away from where a refined one breaks a limit at `row`: from more around it every time.
-fn avoid(avoided: &mut Vec<Avoided>, round: usize, rows: &[usize], row: usize, q: &[f64]) {
-    let after = rows.partition_point(|r| *r <= row);
-    let layer = if after > 0 && (after == rows.len() || row - rows[after - 1] <= rows[after] - row) {
-        after - 1
-    } else {
-        after
-    };
-    let q = q.to_vec();
-    let distance = |other: &[f64]| q.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-    match avoided.iter_mut().find(|place| place.layer == layer && distance(&place.q) < place.radius) {
-        Some(place) if place.round < round => {
-            *place = Avoided { layer, radius: AVOIDED_GROWTH * place.radius, round, q: place.q.clone() };
+impl Seen {
+    /// Keeps away from where lines on `middle` break their limits: from more around such a place in every round.
+    fn illegal(&mut self, round: usize, rows: &[usize], middle: &[usize], lines: &[Refined]) {
+        for line in lines.iter().filter(|line| !line.is_legal()) {
+            let (n, row) = (line.q.len() / middle.len(), middle[line.worst_row]);
+            let after = rows.partition_point(|r| *r <= row);
+            let before_is_nearer =
+                after > 0 && (after == rows.len() || row - rows[after - 1] <= rows[after] - row);
+            let layer = if before_is_nearer { after - 1 } else { after };
+            let q = &line.q[line.worst_row * n..(line.worst_row + 1) * n];
+            let distance =
+                |place: &Avoided| place.q.iter().zip(q).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            let near =
+                self.places.iter_mut().find(|place| place.layer == layer && distance(place) < place.radius);
+            match near {
+                Some(place) if place.round < round => {
+                    place.radius *= AVOIDED_GROWTH;
+                    place.round = round;
+                }
+                Some(_) => {}
+                None => self.places.push(Avoided { layer, q: q.to_vec(), radius: AVOIDED_RADIUS, round }),
+            }
         }
-        Some(_) => {}
-        None => avoided.push(Avoided { layer, q, radius: AVOIDED_RADIUS, round }),
+    }
+
+    /// The lines that are worth refining on all rows: those that were not yet, and no illegal ones after the first round.
+    fn new_ones(&mut self, round: usize, middle: &[usize], lines: Vec<Refined>) -> Vec<Refined> {
+        let old = |line: &Refined| {
+            let same = |(rows, cost): &(usize, f64)| {
+                *rows == middle.len() && (line.cost - cost).abs() <= SAME_COST * cost.abs()
+            };
+            self.refined.iter().any(same)
+        };
+        let new: Vec<Refined> =
+            lines.into_iter().filter(|line| !old(line) && (round == 0 || line.is_legal())).collect();
+        self.refined.extend(new.iter().map(|line| (middle.len(), line.cost)));
+        new
     }
 }
 

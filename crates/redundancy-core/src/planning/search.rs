@@ -2,8 +2,8 @@
 //!
 //! A step between states costs what the straight joint motion costs; one that is faster than the joints may be does not
 //! exist. Joints that can turn all the way round go the short way, and the line is put into its limits at the end.
-//! Costs to come and to go give the best line through every state, from which a handful of different ones is taken: the
-//! first line of a search on states is often not in the best basin.
+//! Costs to come and to go give the best line through every state, from which some different ones are taken, one of each
+//! valley at least: the first line of a search on states is often not in the best basin.
 
 use super::demand::Demand;
 use super::nodes::Nodes;

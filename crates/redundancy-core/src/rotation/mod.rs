@@ -7,6 +7,8 @@
 //! |---|---|
 //! | `quaternion` | scalar-first bridge, Euler angles, swing and twist, shortest arc, error |
 //! | `volume` | [`QuaternionVolume`]: sets of orientations [FromGravdahl2007, sections 2, 3] |
+//! | `orientation_set` | [`OrientationSet`]: intersections and unions of volumes and cones |
+//! | `long_sequence` | sequences of more than three rotations: margin, the nearest member |
 //! | `sequence` | their sequences of bounded rotations: angles, margins, the nearest member |
 //! | `cone` | [`Cone`], [`Spin`]: smooth margins with gradient and Hessian [FromGravdahl2009, section III] |
 //! | `barrier` | logarithmic barriers of those margins |
@@ -28,9 +30,11 @@ mod cone;
 mod directions;
 mod fixed_step;
 mod gradient;
+mod long_sequence;
 mod newton;
 mod on_axis;
 mod optimize;
+mod orientation_set;
 mod quaternion;
 mod sequence;
 mod start;
@@ -42,6 +46,7 @@ pub use barrier::Barrier;
 pub use cone::{Cone, Constraint, Spin};
 pub use directions::{DirectionCones, optimal_directions};
 pub use optimize::{OrientationMethod, OrientationOptimizer, OrientationSettings, OrientationSolution};
+pub use orientation_set::{OrientationSet, SET_DRAWS};
 pub use quaternion::{
     compose, from_axis_angle, from_rotation, from_rounded_wxyz, from_rpy, from_wxyz, from_xyz, from_zyz,
     quaternion_error, rotation_angle, shortest_arc, swing_twist, to_axis_angle, to_rpy, to_wxyz, to_xyz,

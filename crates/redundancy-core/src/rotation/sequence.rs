@@ -160,17 +160,23 @@ fn split(one: &BoundedRotation, three: &BoundedRotation, sign: f64, angles: &mut
     }
 }
 
+/// Integral of the density `|sin(phi - zero)|` over `[low, high]`.
+pub(super) fn middle_weight(low: f64, high: f64, zero: f64) -> f64 {
+    sine_area(high - zero) - sine_area(low - zero)
+}
+
+/// Integral of `|sin|` from 0, which grows by 2 per half turn.
+fn sine_area(x: f64) -> f64 {
+    let turns = (x / PI).floor();
+    2.0 * turns + 1.0 - (x - turns * PI).cos()
+}
+
 /// Quantile of the density `|sin(phi - zero)|` on `[low, high]`.
 pub(super) fn weighted_middle(low: f64, high: f64, zero: f64, share: f64) -> f64 {
     if high - low < VOLUME_NARROW {
         return low + (high - low) * share;
     }
-    // The integral of |sin| from 0 grows by 2 per half turn.
-    let integral = |x: f64| {
-        let turns = (x / PI).floor();
-        2.0 * turns + 1.0 - (x - turns * PI).cos()
-    };
-    let (from, to) = (integral(low - zero), integral(high - zero));
+    let (from, to) = (sine_area(low - zero), sine_area(high - zero));
     let y = from + (to - from) * share;
     let turns = (0.5 * y).floor();
     let angle = zero + turns * PI + (1.0 - (y - 2.0 * turns)).clamp(-1.0, 1.0).acos();

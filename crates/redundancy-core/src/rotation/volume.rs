@@ -1,7 +1,7 @@
 //! Quaternion volumes: continuous sets of orientations.
 //!
 //! # Definition
-//! A volume is the set `P * Q(phi_1, n_1) * ... * Q(phi_k, n_k) * S` of one to three rotations about fixed axes, each
+//! A volume is the set `P * Q(phi_1, n_1) * ... * Q(phi_k, n_k) * S` of one or more rotations about fixed axes, each
 //! within bounds [FromGravdahl2007, eqs. (6), (7)], reoriented by `P` from the left (the set moves in the reference
 //! frame, eq. (12)) and by `S` from the right (another frame is fixed in the body). `q` is in `P * V` iff
 //! `conj(P) * q` is in `V`. A **cone** is the set whose body axis stays within a half-angle of a direction, spin free.
@@ -18,7 +18,7 @@
 //! The **margin** is the smallest signed angle from a bound over the rotations, the largest over the branches; a range
 //! of a full turn has no bounds. At the gimbal, where only the sum (or difference) of the outer angles is determined,
 //! the best split counts. Off a set of fewer than three rotations it is minus the angle from the unbounded sequence.
-//! For a cone it is the margin of [`Cone`].
+//! For a cone it is the margin of [`Cone`]. Sequences of more than three rotations: the module `long_sequence`.
 //!
 //! # The visualising quaternion
 //! `V = Q_s * Q_z * conj(Q_s) = (cos psi/2, sin(psi/2) z)`: its vector points along the rotated last axis `z`, its
@@ -26,7 +26,7 @@
 //! product of sets: the same `Q_s` stands on both sides, so the pair (Q, V) is what is kept.
 //!
 //! # Cost
-//! Membership and margin below 1 us, nearest member below 0.1 ms (three rotations, outside). References: [FromGravdahl2007],
+//! Membership and margin below 1 us, nearest member below 0.1 ms (three rotations, outside); both some 0.1 ms for five. References: [FromGravdahl2007],
 //! [FromGravdahl2009].
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -37,17 +37,18 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::rotation::cone::Cone;
+use crate::rotation::long_sequence;
 use crate::rotation::quaternion::{
     about, angle_between, compose, from_zyz, nearest_sign, rotation_angle, shortest_arc, to_zyz,
     unit_direction,
 };
 use crate::rotation::sequence::{
-    BoundedRotation, SequenceBranch, middle_zero, nearest_angles, one_rotation, three_rotations,
-    two_rotations, weighted_middle,
+    BoundedRotation, SequenceBranch, middle_weight, middle_zero, nearest_angles, one_rotation,
+    three_rotations, two_rotations, weighted_middle,
 };
 use crate::tolerance::{VOLUME_AXES_PARALLEL, VOLUME_NEAR_GIMBAL};
 
-/// A set of orientations: up to three bounded rotations in sequence, or a cone.
+/// A set of orientations: bounded rotations in sequence, or a cone. Intersections and unions: [`OrientationSet`](crate::rotation::OrientationSet).
 ///
 /// ```
 /// use redundancy_core::rotation::{QuaternionVolume, from_zyz};
@@ -57,14 +58,14 @@ use crate::tolerance::{VOLUME_AXES_PARALLEL, VOLUME_NEAR_GIMBAL};
 /// assert!((volume.margin(&from_zyz([1.0, 0.2, 0.6])) + 0.1).abs() < 1e-12);
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct QuaternionVolume {
     shape: VolumeShape,
     before: UnitQuaternion<f64>,
     after: UnitQuaternion<f64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 enum VolumeShape {
     Cone {
         axis: Unit<Vector3<f64>>,
@@ -75,6 +76,19 @@ enum VolumeShape {
         count: usize,
         rotations: [BoundedRotation; 3],
     },
+    /// More than three rotations.
+    Long(Vec<BoundedRotation>),
+}
+
+/// What a volume proposes to a sampler: orientations that are uniform on a set around it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Proposals {
+    /// Dimension of the volume.
+    pub dimension: usize,
+    /// Measure of the set, of which all rotations have `8 pi^2`; below three dimensions the product of the ranges.
+    pub measure: f64,
+    /// Of a long sequence: middle and radius of the ball.
+    ball: Option<(UnitQuaternion<f64>, f64)>,
 }
 
 /// The form of a volume's cross-section, see [`QuaternionVolume::cross_section`].
@@ -205,23 +219,22 @@ impl QuaternionVolume {
         Ok(volume.reoriented(&shortest_arc(&unit_direction("body axis", body_axis)?, &direction)))
     }
 
-    /// One to three rotations about the rows of `axes` by angles between `lower` and `upper`, rad.
+    /// Rotations about the rows of `axes` by angles between `lower` and `upper`, rad; the first is the outermost.
     ///
     /// # Errors
-    /// No or more than three axes, bounds of another number, an axis without length, consecutive axes that are
+    /// No axes, bounds of another number, an axis without length, consecutive axes that are
     /// parallel, a bound that is not finite, a lower above its upper one.
     pub fn from_axes(axes: &[[f64; 3]], lower: &[f64], upper: &[f64]) -> Result<Self> {
         let count = axes.len();
-        if !(1..=3).contains(&count) {
-            let message =
-                format!("axes: {count} rotations, a quaternion volume is a sequence of one to three");
-            return Err(Error::Invalid(message));
+        if count == 0 {
+            let message = "axes: 0 rotations, a quaternion volume is a sequence of one or more";
+            return Err(Error::Invalid(message.into()));
         }
         check_length("lower", lower, count)?;
         check_length("upper", upper, count)?;
         check_finite("lower", lower)?;
         check_finite("upper", upper)?;
-        let mut rotations = [BoundedRotation::none(); 3];
+        let mut rotations = vec![BoundedRotation::none(); count.max(3)];
         for i in 0..count {
             let (low, high) = (lower[i], upper[i]);
             if low > high {
@@ -242,7 +255,10 @@ impl QuaternionVolume {
                 }
             }
         }
-        let shape = VolumeShape::Sequence { count, rotations };
+        let shape = match rotations[..] {
+            [a, b, c] => VolumeShape::Sequence { count, rotations: [a, b, c] },
+            _ => VolumeShape::Long(rotations),
+        };
         Ok(Self { shape, before: UnitQuaternion::identity(), after: UnitQuaternion::identity() })
     }
 
@@ -256,20 +272,28 @@ impl QuaternionVolume {
     /// # Ok::<(), redundancy_core::Error>(())
     /// ```
     pub fn reoriented(&self, p: &UnitQuaternion<f64>) -> Self {
-        Self { before: compose(p, &self.before), ..*self }
+        Self { before: compose(p, &self.before), ..self.clone() }
     }
 
     /// `V * S`: the set of another frame of the same body, rotated by `s` in body axes.
     pub fn reoriented_in_body(&self, s: &UnitQuaternion<f64>) -> Self {
-        Self { after: compose(&self.after, s), ..*self }
+        Self { after: compose(&self.after, s), ..self.clone() }
     }
 
-    /// Number of bounded rotations: 1 to 3; a cone counts 3.
+    /// Number of bounded rotations; a cone counts 3.
     pub fn dimension(&self) -> usize {
         match self.shape {
             VolumeShape::Cone { .. } => 3,
             VolumeShape::Sequence { count, .. } => count,
+            VolumeShape::Long(ref rotations) => rotations.len(),
         }
+    }
+
+    /// The set of orientations within a cone.
+    pub(super) fn from_cone(cone: &Cone) -> Self {
+        let shape = VolumeShape::Cone { axis: cone.body_axis(), half_angle: cone.half_angle() };
+        let before = shortest_arc(&cone.body_axis(), &cone.direction());
+        Self { shape, before, after: UnitQuaternion::identity() }
     }
 
     /// The same set as a [`Cone`], when it is one.
@@ -278,31 +302,27 @@ impl QuaternionVolume {
             VolumeShape::Cone { axis, half_angle } => {
                 Some(Cone::from_units(self.after.inverse() * axis, self.before * axis, half_angle))
             }
-            VolumeShape::Sequence { .. } => None,
+            _ => None,
         }
     }
 
     /// The sequence's axes, lower and upper bounds (rad); `None` for a cone.
     pub fn bounds(&self) -> Option<Vec<([f64; 3], f64, f64)>> {
-        match &self.shape {
-            VolumeShape::Cone { .. } => None,
-            VolumeShape::Sequence { count, rotations } => Some(
-                rotations[..*count].iter().map(|r| ([r.axis.x, r.axis.y, r.axis.z], r.low, r.high)).collect(),
-            ),
-        }
+        let bounds = self.rotations()?.iter().map(|r| ([r.axis.x, r.axis.y, r.axis.z], r.low, r.high));
+        Some(bounds.collect())
     }
 
     /// Body axis and half-angle (rad) of a cone before its reorientations; `None` for a sequence.
     pub fn cone_shape(&self) -> Option<([f64; 3], f64)> {
         match self.shape {
             VolumeShape::Cone { axis, half_angle } => Some((axis.into_inner().into(), half_angle)),
-            VolumeShape::Sequence { .. } => None,
+            _ => None,
         }
     }
 
     /// The same set with other reorientations `P` and `S` in place of its own.
     pub fn with_reorientations(&self, before: UnitQuaternion<f64>, after: UnitQuaternion<f64>) -> Self {
-        Self { before, after, ..*self }
+        Self { before, after, ..self.clone() }
     }
 
     /// The reorientations `(P, S)`.
@@ -312,10 +332,13 @@ impl QuaternionVolume {
 
     /// Whether `q` is a member to the tolerance `tol` (rad; for a cone in its margin's unit).
     pub fn contains(&self, q: &UnitQuaternion<f64>, tol: f64) -> bool {
+        if let VolumeShape::Long(rotations) = &self.shape {
+            return long_sequence::is_member(rotations, &self.inner(q), tol);
+        }
         if self.margin(q) >= -tol {
             return true;
         }
-        self.near_gimbal(q) && rotation_angle(q, &self.nearest(q)) <= tol
+        self.near_edge(q) && rotation_angle(q, &self.nearest(q)) <= tol
     }
 
     /// Signed margin, >= 0 inside: for sequences the smallest angle (rad) to a bound, for cones that of [`Cone`].
@@ -323,19 +346,25 @@ impl QuaternionVolume {
     pub fn margin(&self, q: &UnitQuaternion<f64>) -> f64 {
         match self.as_cone() {
             Some(cone) => cone.margin(q),
-            None => self.best_branch(q).margin.min(PI),
+            None => self.best_branch(q).1.min(PI),
         }
     }
 
-    /// The angles of `q` in the sequence, rad, unused ones 0: those of the branch with the largest margin. For a cone
-    /// the ZYZ angles in the frame whose z is the cone's axis.
-    pub fn angles(&self, q: &UnitQuaternion<f64>) -> [f64; 3] {
+    /// The angles of `q` in the sequence, rad: those of the branch with the largest margin, of more than three rotations
+    /// those that stay farthest from the bounds. For a cone the ZYZ angles in the frame whose z is the cone's axis.
+    pub fn angles(&self, q: &UnitQuaternion<f64>) -> Vec<f64> {
+        self.best_branch(q).0
+    }
+
+    /// Angles of a cone, or of the better branch of at most three rotations, unused ones 0.
+    fn three_angles(&self, q: &UnitQuaternion<f64>) -> [f64; 3] {
         match self.shape {
             VolumeShape::Cone { axis, .. } => {
                 let frame = shortest_arc(&Vector3::z_axis(), &axis);
                 to_zyz(&compose(&compose(&frame.inverse(), &self.inner(q)), &frame))
             }
-            VolumeShape::Sequence { .. } => self.best_branch(q).angles,
+            VolumeShape::Sequence { .. } => self.better_branch(q).angles,
+            VolumeShape::Long(_) => [0.0; 3],
         }
     }
 
@@ -354,9 +383,7 @@ impl QuaternionVolume {
     pub fn at(&self, angles: &[f64]) -> Result<UnitQuaternion<f64>> {
         check_length("angles", angles, self.dimension())?;
         check_finite("angles", angles)?;
-        let mut all = [0.0; 3];
-        all[..angles.len()].copy_from_slice(angles);
-        Ok(self.place(&all))
+        Ok(self.place(angles))
     }
 
     /// The visualising quaternion of `q`: `(cos psi/2, sin(psi/2) z)` with `z` the rotated last axis (for a cone its
@@ -375,6 +402,10 @@ impl QuaternionVolume {
         let (last, psi) = match &self.shape {
             VolumeShape::Cone { axis, .. } => (*axis, angles[2]),
             VolumeShape::Sequence { count, rotations } => (rotations[count - 1].axis, angles[count - 1]),
+            VolumeShape::Long(rotations) => {
+                let last = rotations.len() - 1;
+                (rotations[last].axis, angles[last])
+            }
         };
         about(&(self.before * (self.inner(q) * last)), psi)
     }
@@ -384,7 +415,12 @@ impl QuaternionVolume {
     /// For a sequence the squared dot product with `q` is maximised over the box of angles, see `sequence`; for a cone it
     /// is the rim point on the arc to the axis.
     pub fn nearest(&self, q: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        if self.margin(q) >= 0.0 {
+        // Not by `contains`, which asks for the nearest member next to the gimbal.
+        let inside = match &self.shape {
+            VolumeShape::Long(rotations) => long_sequence::is_member(rotations, &self.inner(q), 0.0),
+            _ => self.margin(q) >= 0.0,
+        };
+        if inside {
             return *q;
         }
         match (&self.shape, self.as_cone()) {
@@ -398,6 +434,9 @@ impl QuaternionVolume {
             (VolumeShape::Sequence { count, rotations }, _) => {
                 nearest_sign(self.place(&nearest_angles(*count, rotations, &self.inner(q))), q)
             }
+            (VolumeShape::Long(rotations), _) => {
+                nearest_sign(self.place(&long_sequence::nearest(rotations, &self.inner(q))), q)
+            }
             _ => *q,
         }
     }
@@ -406,15 +445,17 @@ impl QuaternionVolume {
     /// rotations: that of its angles); the same seed gives the same bits.
     ///
     /// The middle angle is drawn with the weight `|sin(phi_2 - atan2(C, B))|`, and members that the box describes
-    /// twice are kept half of the time.
+    /// twice are kept half of the time. Of more than three rotations, orientations of a ball around the set are drawn and
+    /// members kept; where a hundred thousand in a row are none (ranges of less than some milliradians), the
+    /// angles are drawn uniformly instead.
     pub fn sample(&self, n: usize, seed: u64) -> Vec<UnitQuaternion<f64>> {
         self.sampler(seed).take(n).collect()
     }
 
     /// The members that [`sample`](Self::sample) draws, one by one and without end.
     pub fn sampler(&self, seed: u64) -> impl Iterator<Item = UnitQuaternion<f64>> + Send + '_ {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        std::iter::repeat_with(move || self.draw(&mut random))
+        let (mut random, proposals) = (ChaCha8Rng::seed_from_u64(seed), self.proposals());
+        std::iter::repeat_with(move || self.draw(&proposals, &mut random))
     }
 
     /// Where the tool axis z meets the plane perpendicular to its undisturbed direction, `distance` away, before any
@@ -471,7 +512,7 @@ impl QuaternionVolume {
                     Err(no_section())
                 }
             }
-            VolumeShape::Cone { .. } => Err(no_section()),
+            VolumeShape::Cone { .. } | VolumeShape::Long(_) => Err(no_section()),
         }
     }
 
@@ -480,22 +521,43 @@ impl QuaternionVolume {
         compose(&compose(&self.before.inverse(), q), &self.after.inverse())
     }
 
-    /// The member at all three angles.
-    fn place(&self, angles: &[f64; 3]) -> UnitQuaternion<f64> {
-        let inner = match &self.shape {
-            VolumeShape::Cone { axis, .. } => {
+    /// The rotations of a sequence.
+    fn rotations(&self) -> Option<&[BoundedRotation]> {
+        match &self.shape {
+            VolumeShape::Cone { .. } => None,
+            VolumeShape::Sequence { count, rotations } => Some(&rotations[..*count]),
+            VolumeShape::Long(rotations) => Some(rotations),
+        }
+    }
+
+    /// The member at these angles.
+    fn place(&self, angles: &[f64]) -> UnitQuaternion<f64> {
+        let inner = match (&self.shape, angles) {
+            (VolumeShape::Cone { axis, .. }, [a, b, c]) => {
                 let frame = shortest_arc(&Vector3::z_axis(), axis);
-                compose(&compose(&frame, &from_zyz(*angles)), &frame.inverse())
+                compose(&compose(&frame, &from_zyz([*a, *b, *c])), &frame.inverse())
             }
-            VolumeShape::Sequence { rotations: [a, b, c], .. } => compose(
-                &compose(&about(&a.axis, angles[0]), &about(&b.axis, angles[1])),
-                &about(&c.axis, angles[2]),
-            ),
+            _ => long_sequence::place(self.rotations().unwrap_or_default(), angles),
         };
         compose(&compose(&self.before, &inner), &self.after)
     }
 
-    fn best_branch(&self, q: &UnitQuaternion<f64>) -> SequenceBranch {
+    /// Angles and margin of the way to write `q` that stays farthest from the bounds.
+    fn best_branch(&self, q: &UnitQuaternion<f64>) -> (Vec<f64>, f64) {
+        match &self.shape {
+            VolumeShape::Cone { .. } => (self.three_angles(q).to_vec(), self.margin(q)),
+            VolumeShape::Sequence { count, .. } => {
+                let best = self.better_branch(q);
+                (best.angles[..*count].to_vec(), best.margin)
+            }
+            VolumeShape::Long(rotations) => {
+                let written = long_sequence::best(rotations, &self.inner(q));
+                (written.angles, written.margin)
+            }
+        }
+    }
+
+    fn better_branch(&self, q: &UnitQuaternion<f64>) -> SequenceBranch {
         match self.branches(q) {
             (first, Some(second)) if second.margin > first.margin => second,
             (first, _) => first,
@@ -509,13 +571,12 @@ impl QuaternionVolume {
             VolumeShape::Sequence { count: 1, rotations } => (one_rotation(&rotations[0], &inner), None),
             VolumeShape::Sequence { count: 2, rotations } => (two_rotations(rotations, &inner), None),
             VolumeShape::Sequence { rotations, .. } => three_rotations(rotations, &inner),
-            VolumeShape::Cone { .. } => {
-                (SequenceBranch { angles: self.angles(q), margin: self.margin(q) }, None)
-            }
+            _ => (SequenceBranch { angles: self.three_angles(q), margin: self.margin(q) }, None),
         }
     }
 
-    fn near_gimbal(&self, q: &UnitQuaternion<f64>) -> bool {
+    /// Where the margin is less exact than membership: next to the gimbal of three rotations.
+    fn near_edge(&self, q: &UnitQuaternion<f64>) -> bool {
         match &self.shape {
             VolumeShape::Sequence { count: 3, rotations: [one, _, three] } => {
                 let last = self.inner(q) * three.axis;
@@ -525,34 +586,109 @@ impl QuaternionVolume {
         }
     }
 
-    fn draw(&self, random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
+    /// What it proposes to a sampler.
+    pub(super) fn proposals(&self) -> Proposals {
+        let all = 8.0 * PI * PI;
+        match &self.shape {
+            VolumeShape::Cone { half_angle, .. } => {
+                let measure = all * (0.5 * half_angle).sin().powi(2);
+                Proposals { dimension: 3, measure, ball: None }
+            }
+            VolumeShape::Sequence { count: 3, rotations } => {
+                let [one, two, three] = rotations;
+                // |n_1 . R n_2 x n_3| is the density of the invariant measure in the angles.
+                let size = one.axis.cross(&two.axis).norm() * two.axis.cross(&three.axis).norm();
+                let zero = middle_zero(rotations);
+                let (low, high) = (two.centre() - two.half(), two.centre() + two.half());
+                let measure = size * 4.0 * one.half() * three.half() * middle_weight(low, high, zero);
+                Proposals { dimension: if measure > 0.0 { 3 } else { 2 }, measure, ball: None }
+            }
+            _ => {
+                let rotations = self.rotations().unwrap_or_default();
+                let wide: Vec<f64> =
+                    rotations.iter().map(BoundedRotation::half).filter(|h| *h > 0.0).collect();
+                if wide.len() < 3 || rotations.len() < 3 {
+                    let measure = wide.iter().map(|half| 2.0 * half).product();
+                    return Proposals { dimension: wide.len(), measure, ball: None };
+                }
+                let middle: Vec<f64> = rotations.iter().map(BoundedRotation::centre).collect();
+                let radius = wide.iter().sum::<f64>().min(PI);
+                let measure = all * (radius - radius.sin()) / PI;
+                Proposals { dimension: 3, measure, ball: Some((self.place(&middle), radius)) }
+            }
+        }
+    }
+
+    /// A member, each with the same density where one comes; `None` where the proposal is to be left out.
+    pub(super) fn propose(
+        &self,
+        proposals: &Proposals,
+        random: &mut ChaCha8Rng,
+    ) -> Option<UnitQuaternion<f64>> {
+        if let Some((middle, radius)) = proposals.ball {
+            let q = compose(&in_ball(radius, random), &middle);
+            return self.contains(&q, 0.0).then_some(q);
+        }
         let mut between = |low: f64, high: f64| low + (high - low) * unit_interval(random);
         match &self.shape {
             VolumeShape::Cone { half_angle, .. } => {
                 // The area of a cap grows with sin^2 of half its half-angle.
                 let share = between(0.0, 1.0);
                 let tilt = 2.0 * ((0.5 * half_angle).sin() * share.sqrt()).asin();
-                self.place(&[between(-PI, PI), tilt, between(-PI, PI)])
+                Some(self.place(&[between(-PI, PI), tilt, between(-PI, PI)]))
             }
-            VolumeShape::Sequence { count, rotations } => loop {
+            VolumeShape::Sequence { count: 3, rotations } => {
                 let mut angles = [0.0; 3];
-                for (i, (angle, r)) in angles.iter_mut().zip(rotations).enumerate().take(*count) {
+                for (i, (angle, r)) in angles.iter_mut().zip(rotations).enumerate() {
                     let (low, high) = (r.centre() - r.half(), r.centre() + r.half());
-                    *angle = if *count == 3 && i == 1 {
+                    *angle = if i == 1 {
                         weighted_middle(low, high, middle_zero(rotations), between(0.0, 1.0))
                     } else {
                         between(low, high)
                     };
                 }
                 let q = self.place(&angles);
-                let twice = *count == 3
-                    && matches!(self.branches(&q), (a, Some(b)) if a.margin >= 0.0 && b.margin >= 0.0);
-                if !twice || between(0.0, 1.0) < 0.5 {
-                    return q;
-                }
-            },
+                let twice = matches!(self.branches(&q), (a, Some(b)) if a.margin >= 0.0 && b.margin >= 0.0);
+                (!twice || between(0.0, 1.0) < 0.5).then_some(q)
+            }
+            _ => Some(self.by_angles(random)),
         }
     }
+
+    /// A member with angles that are uniform in their ranges.
+    fn by_angles(&self, random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
+        let rotations = self.rotations().unwrap_or_default().iter();
+        let angles: Vec<f64> =
+            rotations.map(|r| r.centre() + r.half() * (2.0 * unit_interval(random) - 1.0)).collect();
+        self.place(&angles)
+    }
+
+    fn draw(&self, proposals: &Proposals, random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
+        for _ in 0..DRAWS {
+            if let Some(q) = self.propose(proposals, random) {
+                return q;
+            }
+        }
+        self.by_angles(random)
+    }
+}
+
+/// Draws of a long sequence's ball without a member before its angles are drawn instead.
+const DRAWS: usize = 100_000;
+
+/// A rotation by at most `radius` (rad, up to pi), uniform with respect to the invariant measure.
+fn in_ball(radius: f64, random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
+    // The measure up to an angle t grows with t - sin t.
+    let share = unit_interval(random) * (radius - radius.sin());
+    let (mut low, mut high) = (0.0, radius);
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let middle = 0.5 * (low + high);
+        if middle - f64::sin(middle) < share { low = middle } else { high = middle }
+    }
+    let z = 2.0 * unit_interval(random) - 1.0;
+    let (sin, cos) = (2.0 * PI * unit_interval(random)).sin_cos();
+    let across = (1.0 - z * z).max(0.0).sqrt();
+    about(&Unit::new_unchecked(Vector3::new(across * cos, across * sin, z)), low)
 }
 
 fn no_section() -> Error {
@@ -564,6 +700,6 @@ fn no_section() -> Error {
 }
 
 /// 53 random bits in [0, 1).
-fn unit_interval(random: &mut ChaCha8Rng) -> f64 {
+pub(super) fn unit_interval(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }

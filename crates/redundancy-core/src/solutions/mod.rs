@@ -18,7 +18,9 @@ mod solutions;
 pub use closed_form::panda_class::{PandaClassArm, PandaMotion};
 pub use closed_form::parallel_axes::{ParallelAxesArm, ParallelAxesConfigurations};
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
-pub use closed_form::srs::{BatchChoice, Branch, BranchInterval, Chart, Choice, SelfMotion, SrsArm, Swivel};
+pub use closed_form::srs::{
+    BatchChoice, Branch, BranchInterval, Chart, Choice, PaperQuaternions, SelfMotion, SrsArm, Swivel,
+};
 pub use closed_form::{ClosedForm, Defect, closed_form};
 pub(crate) use continuation::random_configurations;
 pub use continuation::{TraceSettings, self_motion_curves, trace_self_motion};

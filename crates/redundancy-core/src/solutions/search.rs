@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use super::solutions::{Solution, Solutions};
 use crate::chain::Chain;
-use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
+use crate::criterion::{Criterion, JointSpring, Sense};
 use crate::error::Result;
 use crate::joint_space::{TURN, nearest_within, within, wrap};
 use crate::status::Status;
@@ -36,7 +36,7 @@ pub(crate) fn nearest(solutions: &dyn Solutions, q: &[f64]) -> Result<Option<Sol
 
 /// [`Solutions::best`] by enumeration or scan.
 pub(crate) fn best(solutions: &dyn Solutions, criterion: &dyn Criterion) -> Result<Option<Solution>> {
-    check_dof(criterion, solutions.chain().dof())?;
+    criterion.check_arm(solutions.chain())?;
     let objective = Objective::new(criterion);
     let found = PieceSearch::new(solutions, &objective).run()?;
     Ok(found.map(|found| Solution { value: criterion.value(&found.q), ..found }))
@@ -60,7 +60,11 @@ pub(crate) fn select(
             q.copy_from_slice(&found.q);
             Status::Converged
         }
-        _ => solutions.status(),
+        // The set has members within the limits, only none was found: a finite search may still succeed.
+        _ => match solutions.status() {
+            Status::Converged => Status::IterationLimit,
+            status => status,
+        },
     }
 }
 

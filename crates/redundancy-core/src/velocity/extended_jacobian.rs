@@ -8,9 +8,22 @@
 //! [ N^T L ] qd  =  [ -gain mu  ]      that is    W z = -gain mu - N^T L J^+ v,   W = N^T L N
 //! ```
 //!
-//! The task comes first whatever happens to W: where W is singular while J is not (an algorithmic singularity) only the
-//! motion of the freedom is damped, and reported. Started at a stationary point the scheme stays on its branch, minimum,
+//! The task comes first whatever happens to W. Started at a stationary point the scheme stays on its branch, minimum,
 //! maximum or saddle, so closed paths are cyclic; started elsewhere it is drawn to one at the rate `gain`.
+//!
+//! # Algorithmic singularities
+//! Where W is singular while J is not, the stationary point vanishes or meets another one, and the formula above asks for
+//! an unbounded velocity. With damping the scheme then leaves the point: until W is definite again in the sense of the
+//! criterion, it improves the criterion along each eigenvector of W, with eigenvalue w,
+//!
+//! ```text
+//! z = -sense gain mu / max(|w|, threshold)               sense: 1 to minimise, -1 to maximise
+//! ```
+//!
+//! and so arrives at the next minimum or maximum. A point that is no such optimum is also left where the
+//! task alone takes a joint beyond its speed limit: minima of the manipulability lead to singularities of J. Everywhere the motion of the freedom is scaled down until no joint is
+//! faster than the larger of its limit and [`FREEDOM_SPEED_RATIO`] times the fastest joint of `J^+ v`
+//! ([`Resolver::speed_bound`]).
 
 use std::sync::Arc;
 
@@ -19,13 +32,13 @@ use super::linear::{distance, dot, times};
 use super::local::{Local, by_dimension};
 use super::pseudo_inverse::PseudoInverse;
 use super::singular_values::Svd;
-use super::{Resolver, Step, StepInput};
+use super::{Resolver, SpeedBound, Step, StepInput};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Stationarity};
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
 use crate::status::Status;
-use crate::tolerance::{ALGORITHMIC_DAMPING, ALGORITHMIC_THRESHOLD, SINGULAR_RANK};
+use crate::tolerance::{ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, SINGULAR_RANK};
 
 /// Extended Jacobian scheme [Park1996, eq. (5)].
 ///
@@ -54,6 +67,22 @@ pub struct ExtendedJacobian {
     zero: Vec<f64>,
     right: Vec<f64>,
     free: Vec<f64>,
+    /// Joint velocity of the freedom (n).
+    freedom: Vec<f64>,
+    /// Largest speed of each joint that the freedom may use.
+    limits: Vec<f64>,
+    last: LastStep,
+    bound: Option<SpeedBound>,
+}
+
+/// What is kept of a step for the next one.
+#[derive(Debug, Clone, Default)]
+struct LastStep {
+    q: Vec<f64>,
+    /// Number of eigenvalues of W with the sign that an optimum of the criterion has.
+    wanted: usize,
+    leaving: bool,
+    known: bool,
 }
 
 impl ExtendedJacobian {
@@ -81,6 +110,7 @@ impl ExtendedJacobian {
         let (m, n) = (task.dim(), chain.dof());
         let stationarity = Stationarity::shared(chain, criterion, task)?;
         let r = n - m;
+        let limit = |v: f64| if v.is_finite() { v } else { FREE_SPEED };
         Ok(Self {
             local: Local::new(chain, None, task)?,
             gain,
@@ -91,43 +121,40 @@ impl ExtendedJacobian {
             zero: vec![0.0; n],
             right: vec![0.0; r],
             free: vec![0.0; r],
+            freedom: vec![0.0; n],
+            limits: chain.joints().iter().map(|joint| limit(joint.limits.velocity)).collect(),
+            last: LastStep { q: vec![0.0; n], ..LastStep::default() },
+            bound: None,
         })
     }
 
     fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
-        let columns = self.local.columns::<M>();
         let v = self.local.velocity::<M>();
+        let columns = self.local.columns::<M>();
         let factor = self.inverse.factor(columns);
         let loss = self.inverse.loss(&factor);
         self.inverse.solve(&factor, columns, &self.zero, &v, qd);
 
         self.stationarity.second_order(input.q);
-        let gain = input.dt.map_or(self.gain, |dt| self.gain.min(1.0 / dt));
-        for (i, right) in self.right.iter_mut().enumerate() {
-            let row = self.stationarity.mu_jacobian().row(i);
-            let drift: f64 = row.iter().zip(&*qd).map(|(a, b)| a * b).sum();
-            *right = -gain * self.stationarity.mu()[i] - drift;
-        }
         let r = self.right.len();
         self.svd.decompose(self.stationarity.reduced_hessian().as_slice(), r);
         // Sizes of W are those of the criterion: its thresholds are shares of the terms that it is made of.
         let scale = self.stationarity.scale();
-        let damping = Damping {
-            maximum: ALGORITHMIC_DAMPING * scale,
-            threshold: ALGORITHMIC_THRESHOLD * scale,
-            rho: 0.25,
-        };
-        let algorithmic = self.svd.smallest() < damping.threshold || scale == 0.0;
-        self.free.fill(0.0);
-        for (sigma, left, right) in self.svd.triples().filter(|t| t.0 > SINGULAR_RANK * scale) {
-            let inverse = if self.damped { damping.inverse(sigma) } else { sigma.recip() };
-            let factor = inverse * dot(left, &self.right);
-            self.free.iter_mut().zip(right).for_each(|(z, v)| *z += factor * v);
+        let threshold = ALGORITHMIC_THRESHOLD * scale;
+        let algorithmic = self.svd.smallest() < threshold || scale == 0.0;
+        let gain = input.dt.map_or(self.gain, |dt| self.gain.min(1.0 / dt));
+        if self.damped && self.leaves(input.q, qd, algorithmic) {
+            self.improve(gain, threshold);
+        } else {
+            self.stay(gain, scale, qd);
         }
+        self.freedom.fill(0.0);
         let basis = self.stationarity.null_space().basis();
         for (z, column) in self.free.iter().zip(basis.column_iter()) {
-            qd.iter_mut().zip(column.iter()).for_each(|(qd, n)| *qd += z * n);
+            self.freedom.iter_mut().zip(column.iter()).for_each(|(qd, n)| *qd += z * n);
         }
+        self.bound = if self.damped { self.slow_down(qd) } else { None };
+        qd.iter_mut().zip(&self.freedom).for_each(|(qd, free)| *qd += free);
         let singular = loss.any() || (algorithmic && self.damped);
         Ok(Step {
             status: if singular { Status::Singular } else { Status::Converged },
@@ -135,8 +162,72 @@ impl ExtendedJacobian {
             damping: loss.damping,
             basis_changed: false,
             algorithmic,
-            residual: if loss.any() { distance(&times(columns, qd), &v) } else { 0.0 },
+            residual: if loss.any() { distance(&times(self.local.columns::<M>(), qd), &v) } else { 0.0 },
         })
+    }
+
+    /// Whether the stationary point is lost, or was lost and the criterion's optimum is not reached yet. `least` is `J^+ v`.
+    fn leaves(&mut self, q: &[f64], least: &[f64], algorithmic: bool) -> bool {
+        let sense = self.stationarity.criterion().sense().sign();
+        // Of a definite matrix left and right singular vectors agree up to the sign of the eigenvalue.
+        let wanted = self.svd.triples().filter(|(_, left, right)| sense * dot(left, right) > 0.5).count();
+        let optimum = wanted == self.right.len() && !algorithmic;
+        let last = &mut self.last;
+        // Farther away than one step another run begins.
+        let goes_on = last.known && last.q.iter().zip(q).all(|(a, b)| (a - b).abs() <= JOINT_JUMP);
+        let lost = algorithmic || (goes_on && (last.leaving || last.wanted != wanted));
+        let fast = least.iter().zip(&self.limits).any(|(v, limit)| v.abs() > *limit);
+        let leaving = !optimum && (lost || fast);
+        last.q.copy_from_slice(q);
+        (last.wanted, last.leaving, last.known) = (wanted, leaving, true);
+        leaving
+    }
+
+    /// Draws the arm to the stationary point: `W z = -gain mu - N^T L J^+ v`.
+    fn stay(&mut self, gain: f64, scale: f64, least: &[f64]) {
+        for (i, right) in self.right.iter_mut().enumerate() {
+            let row = self.stationarity.mu_jacobian().row(i);
+            let drift: f64 = row.iter().zip(least).map(|(a, b)| a * b).sum();
+            *right = -gain * self.stationarity.mu()[i] - drift;
+        }
+        self.free.fill(0.0);
+        for (sigma, left, right) in self.svd.triples().filter(|t| t.0 > SINGULAR_RANK * scale) {
+            let factor = dot(left, &self.right) / sigma;
+            self.free.iter_mut().zip(right).for_each(|(z, v)| *z += factor * v);
+        }
+    }
+
+    /// Improves the criterion by a Newton step on the magnitudes of the eigenvalues.
+    fn improve(&mut self, gain: f64, threshold: f64) {
+        let sense = self.stationarity.criterion().sense().sign();
+        self.free.fill(0.0);
+        for (sigma, _, right) in self.svd.triples() {
+            let size = sigma.max(threshold);
+            if size > 0.0 {
+                let factor = -sense * gain * dot(right, self.stationarity.mu()) / size;
+                self.free.iter_mut().zip(right).for_each(|(z, v)| *z += factor * v);
+            }
+        }
+    }
+
+    /// Scales the motion of the freedom down until no joint is faster than its bound. `least` is `J^+ v`.
+    fn slow_down(&mut self, least: &[f64]) -> Option<SpeedBound> {
+        let fastest = least.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        let mut bound: Option<SpeedBound> = None;
+        for (joint, (free, v)) in self.freedom.iter().zip(least).enumerate() {
+            let speed = self.limits[joint].max(FREEDOM_SPEED_RATIO * fastest);
+            if (v + free).abs() <= speed {
+                continue;
+            }
+            let scale = (free.signum() * speed - v) / free;
+            if bound.is_none_or(|bound| scale < bound.scale) {
+                bound = Some(SpeedBound { joint, speed, scale });
+            }
+        }
+        if let Some(SpeedBound { scale, .. }) = bound {
+            self.freedom.iter_mut().for_each(|v| *v *= scale);
+        }
+        bound
     }
 }
 
@@ -156,6 +247,10 @@ impl Resolver for ExtendedJacobian {
     fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         self.local.update(input, qd)?;
         by_dimension!(self.resolve(input, qd) for self.local.task.dim())
+    }
+
+    fn speed_bound(&self) -> Option<SpeedBound> {
+        self.bound
     }
 
     fn boxed(&self) -> Box<dyn Resolver> {

@@ -6,15 +6,17 @@ use nalgebra::Vector6;
 
 use super::StepInput;
 use crate::chain::Chain;
-use crate::criterion::{self, Criterion};
+use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_vector};
-use crate::kinematics::{Scratch, Task};
+use crate::kinematics::{MiddleFrame, Scratch, Task};
 
 /// An arm, a task, a criterion, and the memory for one step.
 #[derive(Debug, Clone)]
 pub(super) struct Local {
     pub chain: Chain,
     pub task: Task,
+    /// Where the coordinates are those of a middle frame.
+    pub frame: Option<MiddleFrame>,
     pub criterion: Option<Arc<dyn Criterion>>,
     /// The criterion is one of the kinematics of this very chain.
     shared: bool,
@@ -36,12 +38,13 @@ impl Local {
             return Err(Error::Invalid(message));
         }
         if let Some(h) = &criterion {
-            criterion::check_dof(&**h, n)?;
+            h.check_arm(chain)?;
         }
         let shared = criterion.as_ref().is_some_and(|h| h.chain() == Some(chain));
         Ok(Self {
             chain: chain.clone(),
             task,
+            frame: None,
             criterion,
             shared,
             scratch: Scratch::new(chain),
@@ -49,6 +52,12 @@ impl Local {
             ascent: vec![0.0; n],
             velocity: Vector6::zeros(),
         })
+    }
+
+    /// The coordinates are those of the frame of a link.
+    pub fn set_frame(&mut self, link: usize) -> Result<()> {
+        self.frame = Some(MiddleFrame::new(&self.chain, &self.task, link)?);
+        Ok(())
     }
 
     /// Checks the input and computes everything at its q.
@@ -67,7 +76,13 @@ impl Local {
         }
         let kinematics = self.chain.kinematics_unchecked(input.q, &mut self.scratch);
         self.velocity = self.task.velocity(kinematics.pose(), input.velocity)?;
-        self.task.write_jacobian(&kinematics, &mut self.jacobian);
+        match &self.frame {
+            None => self.task.write_jacobian(&kinematics, &mut self.jacobian),
+            Some(frame) => {
+                self.velocity = frame.velocity(&self.chain, &kinematics, &self.task, &self.velocity);
+                frame.write_jacobian(&self.chain, &kinematics, &mut self.jacobian);
+            }
+        }
         if let Some(h) = &self.criterion {
             if self.shared {
                 h.gradient_at(input.q, &kinematics, &mut self.ascent);

@@ -4,12 +4,12 @@
 //! |---|---|---|
 //! | [`ProjectedGradient`] | `J^+ v + (I - J^+ J) eta` [Bettini2000, eq. (2)] | none |
 //! | [`ReducedGradient`] | dependent joints follow, the others take the reduced gradient [Bettini2000, eq. (4)] | none |
-//! | [`ExtendedJacobian`] | stays on a stationary point of the criterion [Park1996, eq. (5)] | none |
+//! | [`ExtendedJacobian`] | stays on a stationary point of the criterion [Park1996, eq. (5)] | velocity, of the freedom's motion |
 //! | [`SaturatedNullspace`] | the largest scale of v that the limits allow, then the nearest to eta [Flacco2015, section V] | position, velocity, acceleration |
 //!
 //! `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near a singularity
 //! small singular values are damped ([`Damping`]); the motion that uses the freedom is projected exactly all the same,
-//! so that it never moves the tool. Every step reports what it did: damping, change of basis, scale, active limits.
+//! so that it never moves the tool (but for [`ReducedGradient::as_printed`]). Every step reports what it did: damping, change of basis, scale, active limits.
 
 mod box_projection;
 mod damping;
@@ -99,6 +99,17 @@ pub struct ActiveLimit {
     pub upper: bool,
 }
 
+/// What kept the motion of the freedom slow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpeedBound {
+    /// The joint at its bound, from 0.
+    pub joint: usize,
+    /// The bound, rad/s or m/s.
+    pub speed: f64,
+    /// Share of the freedom's velocity that is left, in [0, 1).
+    pub scale: f64,
+}
+
 /// A scheme that turns a task velocity into a joint velocity.
 pub trait Resolver: Send + Sync + std::fmt::Debug {
     /// The scheme as a word.
@@ -110,6 +121,11 @@ pub trait Resolver: Send + Sync + std::fmt::Debug {
     /// Which coordinates count.
     fn task(&self) -> &Task;
 
+    /// The link in whose frame its coordinates are written, see [`MiddleFrame`](crate::kinematics::MiddleFrame).
+    fn frame(&self) -> Option<usize> {
+        None
+    }
+
     /// One step: writes the joint velocity (n).
     ///
     /// # Errors
@@ -119,6 +135,11 @@ pub trait Resolver: Send + Sync + std::fmt::Debug {
     /// The limits that acted on the last step.
     fn active_limits(&self) -> &[ActiveLimit] {
         &[]
+    }
+
+    /// What bounded the motion of the freedom in the last step; `None` where nothing did.
+    fn speed_bound(&self) -> Option<SpeedBound> {
+        None
     }
 
     /// The dependent joints of the last step, ascending; empty for schemes that have none.

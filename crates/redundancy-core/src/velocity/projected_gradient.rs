@@ -69,6 +69,16 @@ impl ProjectedGradient {
         })
     }
 
+    /// The scheme in the coordinates of a link's frame, see [`MiddleFrame`](crate::kinematics::MiddleFrame): damping acts on
+    /// the singular values of that Jacobian. Velocities are given as before.
+    ///
+    /// # Errors
+    /// As [`MiddleFrame::new`](crate::kinematics::MiddleFrame::new).
+    pub fn in_frame(mut self, link: usize) -> Result<Self> {
+        self.local.set_frame(link)?;
+        Ok(self)
+    }
+
     fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let Self { local, gain, inverse, optimal, eta } = self;
         let columns = local.columns::<M>();
@@ -119,6 +129,10 @@ impl Resolver for ProjectedGradient {
 
     fn task(&self) -> &Task {
         &self.local.task
+    }
+
+    fn frame(&self) -> Option<usize> {
+        self.local.frame.map(|frame| frame.link())
     }
 
     fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {

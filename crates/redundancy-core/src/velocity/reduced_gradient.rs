@@ -17,7 +17,13 @@
 //! damping threshold, the measures of all bases that differ in one joint are computed (see the module `exchange`: all of
 //! them together cost less than one factorisation), again after some steps or as soon as it has fallen further. A change needs one that is better by a factor (hysteresis), a smaller
 //! one when damping is near, is blended over some steps, during which both bases meet the task, and is reported. Damping
-//! acts only when no basis is good. A basis that the caller gives is kept whatever happens.
+//! acts only when no basis is good. A basis that the caller gives is kept whatever happens, or changed when its schedule
+//! says so.
+//!
+//! # As printed
+//! Eq. (4) with the damped inverse in place of `J_a^-1` everywhere is [`as_printed`](ReducedGradient::as_printed): the motion of
+//! the freedom then moves the tool where damping acts. It is there to repeat the paper, in its coordinates
+//! ([`in_frame`](ReducedGradient::in_frame)).
 
 use std::sync::Arc;
 
@@ -67,6 +73,9 @@ pub struct ReducedGradient {
     gain: Gain,
     damping: Option<Damping>,
     basis: Basis,
+    schedule: Schedule,
+    /// Eq. (4) as printed where damping acts.
+    printed: bool,
     svd: Svd,
     /// Rows of J, overwritten, and an orthonormal basis of its null space, where `J_a` is nearly singular.
     rows: Vec<f64>,
@@ -91,6 +100,16 @@ struct Basis {
     /// The caller chose it.
     given: bool,
     chosen: bool,
+}
+
+/// Changes of the basis at given times.
+#[derive(Debug, Clone)]
+struct Schedule {
+    /// Time, s, and the basis from then on; those from `next` on are still to come.
+    changes: Vec<(f64, Split)>,
+    next: usize,
+    /// Sum of the steps so far, s.
+    elapsed: f64,
 }
 
 /// `J_a` at one q, solved through
@@ -142,6 +161,8 @@ impl ReducedGradient {
                 given: basis.is_some() || m == n,
                 chosen: basis.is_some(),
             },
+            schedule: Schedule { changes: Vec::new(), next: 0, elapsed: 0.0 },
+            printed: false,
             svd: Svd::new(m, m),
             rows: vec![0.0; m * n],
             null: vec![0.0; (n - m) * n],
@@ -151,12 +172,77 @@ impl ReducedGradient {
         })
     }
 
+    /// The scheme in the coordinates of a link's frame, see [`MiddleFrame`](crate::kinematics::MiddleFrame): damping and the
+    /// choice of the basis act on that Jacobian [Bettini2000, eq. (7)]. Velocities are given as before.
+    ///
+    /// # Errors
+    /// As [`MiddleFrame::new`](crate::kinematics::MiddleFrame::new).
+    pub fn in_frame(mut self, link: usize) -> Result<Self> {
+        self.local.set_frame(link)?;
+        Ok(self)
+    }
+
+    /// Eq. (4) as printed: the damped inverse of `J_a` also in `J_R`, so that under damping the freedom moves the tool.
+    #[must_use]
+    pub fn as_printed(mut self) -> Self {
+        self.printed = true;
+        self
+    }
+
+    /// Other bases from given times on, s, counted from the first step; each change is blended over three steps and
+    /// reported. Steps then need their length `dt`.
+    ///
+    /// # Errors
+    /// No basis given at the start, a basis that is none, times that are negative, not finite or do not ascend.
+    pub fn with_schedule(mut self, changes: &[(f64, &[usize])]) -> Result<Self> {
+        if !self.basis.given && !changes.is_empty() {
+            return Err(Error::Invalid(
+                "schedule: it needs the basis of the start, give `basis` as well".into(),
+            ));
+        }
+        let (m, n) = (self.local.task.dim(), self.local.chain.dof());
+        let mut before = 0.0;
+        for (time, basis) in changes {
+            if !(time.is_finite() && *time >= before) {
+                let bound = format!("finite and >= {before} s");
+                return Err(Error::OutOfRange { what: "time of the schedule".into(), value: *time, bound });
+            }
+            before = *time;
+            self.schedule.changes.push((*time, Split::new(checked_basis(basis, m, n)?, n)));
+        }
+        Ok(self)
+    }
+
+    /// Takes the basis that is due; whether one was.
+    fn keep_to_schedule(&mut self, dt: Option<f64>) -> Result<bool> {
+        let Self { schedule, basis, .. } = self;
+        if schedule.changes.is_empty() {
+            return Ok(false);
+        }
+        let dt = dt.ok_or_else(|| {
+            Error::Invalid("dt is missing: the schedule needs the length of the step".into())
+        })?;
+        let mut changed = false;
+        // Times that are meant to fall on a step are met by the sum of its steps only up to rounding.
+        while let Some((_, next)) =
+            schedule.changes.get(schedule.next).filter(|(time, _)| schedule.elapsed >= time - 0.5 * dt)
+        {
+            std::mem::swap(&mut basis.previous, &mut basis.current);
+            basis.current.clone_from(next);
+            (basis.blend, schedule.next, changed) = (BLEND, schedule.next + 1, true);
+        }
+        schedule.elapsed += dt;
+        Ok(changed)
+    }
+
     fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let optimal_dt = match (self.gain, &self.local.criterion) {
             (Gain::Optimal, Some(_)) => Some(required_dt(input, "the optimal gain")?),
             _ => None,
         };
-        let (minor, basis_changed) = self.choose::<M>();
+        let scheduled = self.keep_to_schedule(input.dt)?;
+        let (minor, chosen) = self.choose::<M>();
+        let basis_changed = scheduled || chosen;
         let v = self.local.velocity::<M>();
         let (mut status, mut damping) = (Status::Converged, 0.0);
         if let Minor::Values = minor {
@@ -165,7 +251,9 @@ impl ReducedGradient {
             if damping > 0.0 || self.svd.smallest() <= self.zero() {
                 status = Status::Singular;
             }
-            self.find_null_space::<M>();
+            if !self.printed {
+                self.find_null_space::<M>();
+            }
         }
         match (optimal_dt, self.gain) {
             (Some(dt), _) => {
@@ -339,6 +427,11 @@ impl ReducedGradient {
                     }
                     x
                 };
+                if self.printed {
+                    let rest = reduce(&y, *v, out);
+                    follow(solve(&rest), out);
+                    return;
+                }
                 let rest = reduce(&y, [0.0; M], work);
                 follow(solve(&rest), work);
                 out.fill(0.0);
@@ -400,6 +493,10 @@ impl Resolver for ReducedGradient {
 
     fn task(&self) -> &Task {
         &self.local.task
+    }
+
+    fn frame(&self) -> Option<usize> {
+        self.local.frame.map(|frame| frame.link())
     }
 
     fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {

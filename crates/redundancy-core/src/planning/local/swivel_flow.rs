@@ -282,7 +282,7 @@ impl SwivelFlow {
     /// one for every row ([`SwivelFlow::times`]).
     ///
     /// `Converged`; `Limits` where a row breaks a joint position limit; `Infeasible` where it touches an obstacle or a
-    /// joint exceeds its speed limit; `Cancelled` or `TimeLimit` with the rows so far.
+    /// joint exceeds its speed limit (an event names the row); `Cancelled` or `TimeLimit` with the rows so far.
     ///
     /// # Errors
     /// A path without times or orientations, or of one point; `dt <= 0`; a point out of reach; a wrong number of angles.
@@ -355,11 +355,23 @@ impl SwivelFlow {
     }
 
     /// The rows with their verdict.
-    fn plan_of(&self, run: FlowRows, mut times: Vec<f64>, interrupted: Option<Interrupted>) -> Result<Plan> {
+    fn plan_of(
+        &self,
+        mut run: FlowRows,
+        mut times: Vec<f64>,
+        interrupted: Option<Interrupted>,
+    ) -> Result<Plan> {
         let rows = run.q.len();
         times.truncate(rows);
         let mut faults = self.faults(&run, &times);
         let legal = faults.is_empty();
+        if let Some(FastStep { used, joint, row }) = run.fastest {
+            let name = &self.arm.chain().joints()[joint].name;
+            let message = format!("joint '{name}' turns at {used:.2} times its speed limit");
+            let (t, s) = (times[row], run.s[row]);
+            run.events.push(Event { kind: EventKind::Limit, index: row, t, s, message });
+            run.events.sort_by_key(|event| event.index);
+        }
         let status = match interrupted {
             Some(why) => {
                 faults.insert(0, format!("{why} after {rows} rows"));

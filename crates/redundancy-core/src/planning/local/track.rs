@@ -334,6 +334,7 @@ struct EventLog {
     singular: bool,
     algorithmic: bool,
     scaled: bool,
+    bounded: bool,
     active: Vec<ActiveLimit>,
     beyond: Vec<bool>,
 }
@@ -351,6 +352,7 @@ impl EventLog {
             singular: false,
             algorithmic: false,
             scaled: false,
+            bounded: false,
             active: Vec::new(),
         }
     }
@@ -387,6 +389,18 @@ impl EventLog {
         if scaled && !self.scaled {
             self.push(EventKind::Scaled, format!("the task is slowed down to {:.4}", report.scale));
         }
+        let bound = resolver.speed_bound();
+        if let Some(bound) = bound.filter(|_| !self.bounded) {
+            let message = format!(
+                "the motion of the freedom is scaled to {:.3}: joint '{}' would exceed {:.3} per s{}",
+                bound.scale,
+                self.names[bound.joint],
+                bound.speed,
+                if report.algorithmic { " at an algorithmic singularity" } else { "" }
+            );
+            self.push(EventKind::SpeedBounded, message);
+        }
+        self.bounded = bound.is_some();
         for limit in resolver.active_limits() {
             if !self.active.contains(limit) {
                 let side = if limit.upper { "upper" } else { "lower" };

@@ -76,7 +76,8 @@ pub trait ClosedForm: Debug + Send + Sync {
 
     /// Writes one configuration over `pose` within the joint limits to `q`: the best by `criterion`, the nearest to `q0`,
     /// or without both one that keeps away from the limits. Isolated configurations are chosen by `q0` first, curves by
-    /// `criterion` first. Returns `Converged`, or why there is none: `Limits` or `Unreachable`.
+    /// `criterion` first. Returns `Converged`, why there is none (`Limits` or
+    /// `Unreachable`), or `IterationLimit` where there may be one but none was found; `q` is then as it was.
     ///
     /// Arguments have the right lengths. For the inverse kinematics, which then polishes `q` if need be.
     fn select(
@@ -88,7 +89,7 @@ pub trait ClosedForm: Debug + Send + Sync {
     ) -> Status {
         match self.solutions(pose) {
             Ok(solutions) => search::select(&*solutions, q0, criterion, q),
-            Err(_) => Status::Unreachable,
+            Err(_) => Status::IterationLimit,
         }
     }
 

@@ -47,6 +47,11 @@ pub fn max_speed_of_poses(
             .map_err(BranchFailure::Speed)
     };
     let branches = form.and_then(|form| lines::all_branches(form, poses));
+    // The branches of isolated configurations are all there is; other lines are followed from a few starts.
+    let (what, remark) = match &branches {
+        Some(_) => ("branches", ""),
+        None => ("lines", ", other lines may (q0 or q choose one; plan searches all)"),
+    };
     let tried: Vec<std::result::Result<MaxSpeed, BranchFailure>> = match branches {
         Some(lines) => lines.into_par_iter().map(finish).collect(),
         None => {
@@ -62,6 +67,7 @@ pub fn max_speed_of_poses(
             candidates.par_iter().map(follow).collect()
         }
     };
+    let count = tried.len();
     let mut best: Option<MaxSpeed> = None;
     let mut reason: Option<BranchFailure> = None;
     for outcome in tried {
@@ -82,8 +88,10 @@ pub fn max_speed_of_poses(
     best.ok_or_else(|| match reason {
         Some(BranchFailure::Speed(error)) => error,
         Some(BranchFailure::Limits(j, k)) => Error::CannotFollow(format!(
-            "no branch holds the joint limits along the path; the best one leaves those of joint '{}' at point {k}",
-            chain.joints()[j].name
+            "none of {count} {what} tried holds the joint limits along the path; the best one leaves those of joint '{}' at \
+             point {k} of {}{remark}",
+            chain.joints()[j].name,
+            poses.len()
         )),
         Some(BranchFailure::Line(k, why)) => cannot_follow(chain, poses, k, why),
         None => cannot_follow(chain, poses, 0, LineEnd::Lost),

@@ -146,12 +146,17 @@ impl SwivelProblem<'_> {
         let mut blocked = Vec::new();
         let (status, reason) = if line.q.len() < n {
             let k = line.q.len();
+            let margin = match self.settings.margin {
+                0.0 => String::new(),
+                margin => format!(" with a margin of {margin} rad"),
+            };
             let what = match &self.settings.choice {
-                SwivelChoice::Fixed(_) => "the given swivel",
-                _ => "the given branch",
+                SwivelChoice::Fixed(_) => "the given swivel does not hold",
+                _ if self.settings.branch.is_some() => "the given branch does not hold",
+                _ => "no branch holds",
             };
             let miss = self.nearest_miss(k);
-            let reason = format!("{what} holds the joint limits only up to point {k} of {n}: {miss}");
+            let reason = format!("{what} the joint limits{margin} at point {k} of {n}: {miss}");
             blocked.push(BlockedPoint { row: k, status: Status::Limits, reason: miss });
             (Status::Limits, reason)
         } else if let Some((k, miss)) = line.reconfigurations.first().zip(obstructions.first()) {
@@ -261,7 +266,7 @@ impl SwivelProblem<'_> {
             let step = (at - line.q[k - 1][i]).abs();
             if step > self.steps[k - 1][i] {
                 return format!(
-                    "joint '{name}' would have to step by {step:.6} rad, {:.6} may be",
+                    "joint '{name}' would have to step {step:.6} rad; at most {:.6} rad is allowed",
                     self.steps[k - 1][i]
                 );
             }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use super::arm::{Configurations, SphericalWristArm};
 use crate::chain::Chain;
-use crate::criterion::{Criterion, check_dof};
+use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::joint_space::TURN;
 use crate::pose::Pose;
@@ -187,7 +187,7 @@ impl Solutions for Configurations {
     }
 
     fn best(&self, criterion: &dyn Criterion) -> Result<Option<Solution>> {
-        check_dof(criterion, 6)?;
+        criterion.check_arm(self.chain())?;
         if self.free || self.at_gimbal() {
             return Ok(self.best_of_families(criterion));
         }

@@ -3,7 +3,7 @@
 use super::arm::{SrsArm, Swivel};
 use super::choice::Choice;
 use super::circle::SelfMotion;
-use crate::criterion::{Criterion, check_dof};
+use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_length};
 use crate::parallel::prelude::*;
 use crate::pose::pose_from_row_major;
@@ -97,7 +97,7 @@ impl SrsArm {
     /// A length that is not a multiple of 16, a pose that is not rigid or finite, a criterion for another number of
     /// joints.
     pub fn best_batch(&self, poses: &[f64], criterion: &dyn Criterion) -> Result<BatchChoice> {
-        check_dof(criterion, 7)?;
+        criterion.check_arm(self.chain())?;
         self.over_poses(poses, |_, motion| motion.best(criterion))
     }
 

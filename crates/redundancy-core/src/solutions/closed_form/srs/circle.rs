@@ -235,6 +235,13 @@ pub struct Branch<'a> {
     index: usize,
 }
 
+impl<'a> Branch<'a> {
+    /// The circles it belongs to.
+    pub(super) fn motion(&self) -> &'a SelfMotion {
+        self.motion
+    }
+}
+
 impl Branch<'_> {
     /// Index in branch order, `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
     pub fn index(&self) -> usize {

@@ -10,6 +10,7 @@ mod geometry;
 mod gimbal;
 mod intervals;
 mod optimum;
+mod paper;
 mod solutions;
 mod spherical;
 mod spring_search;
@@ -20,6 +21,7 @@ pub use batch::{BatchChoice, BranchInterval};
 pub use chart::Chart;
 pub use choice::Choice;
 pub use circle::{Branch, SelfMotion};
+pub use paper::PaperQuaternions;
 
 pub(crate) use batch::at;
 pub(crate) use elbow_circle::signs;

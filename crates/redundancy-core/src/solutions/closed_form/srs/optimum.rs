@@ -25,7 +25,7 @@ use super::choice::Choice;
 use super::circle::SelfMotion;
 use super::spring_search::{Part, Pending, SpringSearch};
 use super::stretches::{joints, sorted};
-use crate::criterion::{Criterion, JointSpring, Sense, check_dof};
+use crate::criterion::{Criterion, JointSpring, Sense};
 use crate::error::Result;
 use crate::joint_space::{turned, wrap};
 use crate::solutions::ClosedForm;
@@ -40,7 +40,7 @@ impl SelfMotion {
     /// # Errors
     /// A criterion for another number of joints.
     pub fn best(&self, criterion: &dyn Criterion) -> Result<Option<Choice>> {
-        check_dof(criterion, 7)?;
+        criterion.check_arm(self.arm().chain())?;
         let springs = criterion.springs().filter(|s| {
             criterion.sense() == Sense::Minimize && s.iter().all(|s| s.weight >= 0.0 && s.weight.is_finite())
         });

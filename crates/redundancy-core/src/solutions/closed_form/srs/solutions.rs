@@ -208,7 +208,10 @@ impl ClosedForm for SrsArm {
                 q.copy_from_slice(&found);
                 Status::Converged
             }
-            None => motion.status(),
+            None => match motion.status() {
+                Status::Converged => Status::IterationLimit,
+                status => status,
+            },
         }
     }
 
