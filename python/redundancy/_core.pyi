@@ -18,14 +18,29 @@ _ClosedForm: TypeAlias = "SrsArm | PandaClassArm | SphericalWristArm | ParallelA
 
 __version__: str
 
-class RedundancyError(ValueError): ...
-class DescriptionError(RedundancyError): ...
-class NotSrsError(RedundancyError): ...
-class NotSphericalWristError(RedundancyError): ...
-class NotParallelAxesError(RedundancyError): ...
-class NotPandaClassError(RedundancyError): ...
-class FileFormatError(RedundancyError): ...
-class CannotFollowError(RedundancyError): ...
+class RedundancyError(ValueError):
+    """Invalid input; the message names the thing, the value and the bound."""
+
+class DescriptionError(RedundancyError):
+    """A robot description (URDF, D-H rows, builder) cannot become a chain."""
+
+class NotSrsError(RedundancyError):
+    """The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other by how much."""
+
+class NotSphericalWristError(RedundancyError):
+    """No six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."""
+
+class NotParallelAxesError(RedundancyError):
+    """No six-joint arm with three parallel axes; the message says which axes are wrong and by how much."""
+
+class NotPandaClassError(RedundancyError):
+    """The chain is not an arm of the Panda class; the message says which axes are wrong and by how much."""
+
+class FileFormatError(RedundancyError):
+    """A file is broken; the message gives its name and line."""
+
+class CannotFollowError(RedundancyError):
+    """The path is sound, the arm cannot follow it; the message says which points and what is in the way."""
 
 # chain, kinematics
 
@@ -1100,10 +1115,10 @@ class Damping:
     def __new__(cls, maximum: float, threshold: float, rho: float) -> Self: ...
     @property
     def maximum(self) -> float:
-        """Largest damping factor."""
+        """Largest damping factor, in the unit of the singular values."""
     @property
     def threshold(self) -> float:
-        """Singular values from here on are not damped."""
+        """Singular values from here on, in the unit of the task Jacobian, are not damped."""
     @property
     def rho(self) -> float:
         """Share of the threshold below which the damping is full."""
@@ -1127,10 +1142,10 @@ class Step:
         """Share of the task velocity that is realised, 1 or less."""
     @property
     def damping(self) -> float:
-        """Largest damping factor that acted, 0 for none."""
+        """Largest damping factor that acted, in the unit of the singular values; 0 for none."""
     @property
     def residual(self) -> float:
-        """`|J qd - scale v|`, 0 up to rounding unless the status says otherwise."""
+        """`|J qd - scale v|` in m/s and rad/s, 0 up to rounding unless the status says otherwise."""
     @property
     def basis_changed(self) -> bool:
         """Whether a change of the reduced gradient's basis began."""
@@ -1144,7 +1159,7 @@ class Step:
         """Limits that held a joint back: its name, which limit, which side."""
     @property
     def sigma_min(self) -> float:
-        """Least singular value of the task Jacobian, exact; computed when asked for."""
+        """Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for."""
 
 @disjoint_base
 class Resolver:
@@ -1481,7 +1496,7 @@ class SrsArm:
 
         Args:
             pose: `(4, 4)` or SE3-like.
-            swivel: The angle s (rad), or u = (cos s, sin s).
+            swivel: The angle s, rad, or u = (cos s, sin s), `(2,)`.
             limits: Only those within the joint limits. Without: all 8 rows in branch order (index
                 `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
 
@@ -1719,7 +1734,7 @@ class Choice:
         """Its signs (shoulder, elbow, wrist)."""
     @property
     def value(self) -> float | None:
-        """The criterion there."""
+        """The criterion there, in its own unit."""
     @property
     def status(self) -> Status:
         """`converged`, `limits` or `unreachable`."""
@@ -1900,13 +1915,13 @@ class IkTrace:
         """Where it ended, `(n,)`."""
     @property
     def cost(self) -> NDArray[np.float64]:
-        """Weighted cost of the descent algorithms, whatever the method."""
+        """Weighted cost `(k,)` of the descent algorithms, whatever the method."""
     @property
     def position_error(self) -> NDArray[np.float64]:
-        """Distances from the target, m."""
+        """Distances from the target `(k,)`, m."""
     @property
     def orientation_error(self) -> NDArray[np.float64]:
-        """Angles from the target, rad."""
+        """Angles from the target `(k,)`, rad."""
     def __len__(self) -> int: ...
 
 def sinusoid_minimum(K: float, a: float, b: float) -> tuple[float, float]:
@@ -2456,6 +2471,9 @@ class Piece:
         """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`.
 
         `None` where there is none.
+
+        Args:
+            u: Parameter on the piece: a number or `(N,)`; not needed for a point.
         """
 
 @final
@@ -2470,10 +2488,10 @@ class Solution:
         """Its piece."""
     @property
     def u(self) -> float | None:
-        """Its parameter on the piece."""
+        """Its parameter on the piece, in the unit of `Piece.parameter`."""
     @property
     def value(self) -> float | None:
-        """The criterion there, or the distance."""
+        """The criterion there in its own unit, or the distance in joint space, rad or m."""
     @property
     def status(self) -> Status:
         """`converged`, `limits` or `unreachable`."""
@@ -2569,7 +2587,7 @@ class SwivelFlow:
 
     Args:
         arm: The arm.
-        desired: Wished swivel, rad: an angle, one per path point, or a callable of the time.
+        desired: Wished swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
         scene: Obstacles.
         form: `"robust"`, `"paper"`, `"paper_u"`.
         link_radius: Links are capsules of this radius, m (0.05).
@@ -2789,7 +2807,7 @@ class Finding:
         """What was measured, in the unit of `bound`."""
     @property
     def bound(self) -> float:
-        """What is allowed."""
+        """What is allowed, in the unit of `value`."""
     @property
     def message(self) -> str:
         """All of it as a sentence."""
@@ -2923,7 +2941,7 @@ def check(
 
 @final
 class RetimedTrajectory(Trajectory):
-    """A joint path with its times: what `retime` returns."""
+    """A joint path with its times: what `retime` returns, the trajectory with what was done to it."""
 
     def __new__(
         cls,
@@ -2952,7 +2970,7 @@ class RetimedTrajectory(Trajectory):
         """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
     @property
     def stretched(self) -> float:
-        """Largest factor by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
+        """Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
 
 def retime(
     chain: Chain,
@@ -2973,31 +2991,29 @@ def retime(
     The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
     is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
     Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
-    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get
-    rows in
-    between (`path_rows` says which are the path's own).
+    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows
+    get rows in between (`path_rows` says which are the path's own).
 
     Args:
         chain: the arm, `n` joints.
-        trajectory: a trajectory or plan whose times are replaced, or joint rows (N, n), rad or m.
+        trajectory: a trajectory or plan whose times are replaced, or joint rows `(N, n)`, rad or m.
         tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
-        velocity_limits: (n,) rad/s or m/s, "chain" for those of the chain, None for none.
-        acceleration_limits: (n,) rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
-        jerk_limits: (n,) or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
-        torque_limits: (n,) N m or N, "chain" or None; needs a chain with inertias.
+        velocity_limits: `(n,)`, rad/s or m/s, "chain" for those of the chain, None for none.
+        acceleration_limits: `(n,)`, rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
+        jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+        torque_limits: `(n,)`, N m or N, "chain" or None; needs a chain with inertias.
         at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
         corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
             turning of a smooth curve from row to row does not count.
         dt: rows at these intervals (s) in place of the rows of the path.
-        gravity: (3,) m/s^2, base frame.
+        gravity: `(3,)`, m/s^2, world axes.
 
     Returns:
         The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
 
     Raises:
-        ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
-            neither an
-            acceleration nor a torque limit.
+        RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
+            neither an acceleration nor a torque limit.
         CannotFollowError: a torque limit that does not hold the arm at rest.
 
     Example:
@@ -3028,7 +3044,8 @@ def max_speed(
         orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
             `(N, 3, 3)`.
         q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
-        q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+        q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest one that holds the path is
+            taken.
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
         velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
@@ -3227,7 +3244,7 @@ class Plan(Trajectory):
         """
     @property
     def cost(self) -> float | None:
-        """What was minimised, summed over the path."""
+        """What was minimised, summed over the path, without a unit."""
     @property
     def reconfigurations(self) -> list[int]:
         """Rows before which the arm must change its configuration; none when `converged`."""
@@ -3939,7 +3956,7 @@ class OrientationSolution:
         """Orientation `(w, x, y, z)`; when infeasible the one that exceeds the constraints least."""
     @property
     def value(self) -> float:
-        """Sum of weight x barrier; infinite when infeasible."""
+        """Sum of weight x barrier, without a unit; infinite when infeasible."""
     @property
     def status(self) -> Status:
         """`converged`, `infeasible`, `iteration_limit` or `singular` (the spin is undefined at the minimum)."""
@@ -4237,7 +4254,7 @@ class Classification:
 
     @property
     def sigma_min(self) -> float:
-        """Smallest singular value of the task Jacobian."""
+        """Smallest singular value of the task Jacobian (unit: m or 1 by its rows)."""
 
     @classmethod
     def _from_parts(
@@ -4306,7 +4323,7 @@ class CriticalPoint:
 
     @property
     def value(self) -> float:
-        """h(q)."""
+        """h(q), in the criterion's own unit."""
 
     @property
     def within_limits(self) -> bool:
@@ -4326,11 +4343,11 @@ class CriticalPoint:
 
     @property
     def residual(self) -> float:
-        """As of `Classification`."""
+        """The same as `Classification.residual`."""
 
     @property
     def sigma_min(self) -> float:
-        """As of `Classification`."""
+        """The same as `Classification.sigma_min`."""
 
     @classmethod
     def _from_parts(
@@ -4389,7 +4406,7 @@ class CofactorCondition:
 
     @property
     def mu(self) -> float:
-        """`n . grad h`: zero at critical points."""
+        """`n . grad h`, in the criterion's unit per rad: zero at critical points."""
 
     @property
     def condition(self) -> float:
@@ -4445,7 +4462,7 @@ class SelfMotionCurve:
 
     @property
     def length(self) -> float:
-        """Length of the curve."""
+        """Length of the curve in joint space, rad or m."""
 
     @property
     def closed(self) -> bool:
@@ -4679,7 +4696,7 @@ class RankedStart:
 
     @property
     def value(self) -> float:
-        """h(q)."""
+        """h(q), in the criterion's own unit."""
 
     @property
     def kind(self) -> Kind:
@@ -4765,7 +4782,7 @@ class SingularPoint:
 
     @property
     def residual(self) -> float:
-        """What is left of `mu = 0` and of the least eigenvalue, relative to gradient and curvature of the criterion."""
+        """What is left of `mu = 0` and of the least eigenvalue: ratio to gradient and curvature of the criterion."""
 
     @property
     def first_joint_free(self) -> bool:

@@ -2,12 +2,14 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 import redundancy as rd
 from redundancy import _commands, plot
@@ -254,6 +256,19 @@ def test_usage_errors_and_help(capsys):
     for command in ("robots", "track", "demo"):
         status, out, _ = run(capsys, command, "--help")
         assert status == 0 and "Example:" in out
+
+
+def test_the_page_describes_every_option():
+    page = (Path(__file__).parents[2] / "docs/cli.md").read_text()
+    sections = dict(re.findall(r"^## `redundancy (\w+)`\n(.*?)(?=^## |\Z)", page, re.M | re.S))
+    commands = typer.main.get_command(_commands.app).commands
+    assert set(sections) == set(commands)
+    for name, command in commands.items():
+        described = set(re.findall(r"`(--[\w-]+)`", sections[name]))
+        options = [{*p.opts, *p.secondary_opts} for p in command.params if p.param_type_name == "option"]
+        missing = [names for names in options if not names & described]
+        assert not missing, f"{name}: {missing}"
+        assert described <= set().union(*options), f"{name}: {described}"
 
 
 def test_without_the_extra(tmp_path):

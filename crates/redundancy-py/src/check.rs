@@ -96,7 +96,7 @@ impl PyFinding {
         self.finding.value
     }
 
-    /// What is allowed.
+    /// What is allowed, in the unit of `value`.
     #[getter]
     fn bound(&self) -> f64 {
         self.finding.bound

@@ -53,7 +53,7 @@ impl PySelfMotionCurve {
         PyArray1::from_slice(py, self.curve.s())
     }
 
-    /// Length of the curve.
+    /// Length of the curve in joint space, rad or m.
     #[getter]
     fn length(&self) -> f64 {
         self.curve.length()

@@ -523,19 +523,19 @@ impl PyIkTrace {
         PyArray1::from_slice(py, &self.trace.q)
     }
 
-    /// Weighted cost of the descent algorithms, whatever the method.
+    /// Weighted cost `(k,)` of the descent algorithms, whatever the method.
     #[getter]
     fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.cost)
     }
 
-    /// Distances from the target, m.
+    /// Distances from the target `(k,)`, m.
     #[getter]
     fn position_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.position_error)
     }
 
-    /// Angles from the target, rad.
+    /// Angles from the target `(k,)`, rad.
     #[getter]
     fn orientation_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.orientation_error)

@@ -84,7 +84,7 @@ impl PyClassification {
         self.at.residual
     }
 
-    /// Smallest singular value of the task Jacobian.
+    /// Smallest singular value of the task Jacobian (unit: m or 1 by its rows).
     #[getter]
     fn sigma_min(&self) -> f64 {
         self.at.sigma_min
@@ -177,7 +177,7 @@ impl PyCriticalPoint {
         PyArray1::from_slice(py, &self.point.q)
     }
 
-    /// h(q).
+    /// h(q), in the criterion's own unit.
     #[getter]
     fn value(&self) -> f64 {
         self.point.value
@@ -207,13 +207,13 @@ impl PyCriticalPoint {
         PyArray1::from_slice(py, &self.point.classification.multipliers)
     }
 
-    /// As of `Classification`.
+    /// The same as `Classification.residual`.
     #[getter]
     fn residual(&self) -> f64 {
         self.point.classification.residual
     }
 
-    /// As of `Classification`.
+    /// The same as `Classification.sigma_min`.
     #[getter]
     fn sigma_min(&self) -> f64 {
         self.point.classification.sigma_min
@@ -316,7 +316,7 @@ impl PyCofactorCondition {
         PyArray1::from_slice(py, &self.at.n)
     }
 
-    /// `n . grad h`: zero at critical points.
+    /// `n . grad h`, in the criterion's unit per rad: zero at critical points.
     #[getter]
     fn mu(&self) -> f64 {
         self.at.mu
@@ -555,7 +555,7 @@ impl PyRankedStart {
         self.point.get().q(py)
     }
 
-    /// h(q).
+    /// h(q), in the criterion's own unit.
     #[getter]
     fn value(&self) -> f64 {
         self.point.get().value()
@@ -724,7 +724,7 @@ impl PySingularPoint {
         PyArray1::from_slice(py, &self.point.position)
     }
 
-    /// What is left of `mu = 0` and of the least eigenvalue, relative to gradient and curvature of the criterion.
+    /// What is left of `mu = 0` and of the least eigenvalue: ratio to gradient and curvature of the criterion.
     #[getter]
     fn residual(&self) -> f64 {
         self.point.residual

@@ -142,7 +142,7 @@ impl PyPlan {
         self.plan.proven()
     }
 
-    /// What was minimised, summed over the path.
+    /// What was minimised, summed over the path, without a unit.
     #[getter]
     fn cost(&self) -> Option<f64> {
         self.plan.cost()

@@ -201,7 +201,7 @@ fn read_branch(given: &Bound<'_, PyAny>) -> PyResult<usize> {
 ///
 /// Args:
 ///     arm: The arm.
-///     desired: Wished swivel, rad: an angle, one per path point, or a callable of the time.
+///     desired: Wished swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
 ///     scene: Obstacles.
 ///     form: `"robust"`, `"paper"`, `"paper_u"`.
 ///     link_radius: Links are capsules of this radius, m (0.05).

@@ -9,7 +9,7 @@ use crate::error::to_py;
 use crate::path::PyTrajectory;
 use crate::speed::{JointLimits, read_limits};
 
-/// A joint path with its times: what `retime` returns.
+/// A joint path with its times: what `retime` returns, the trajectory with what was done to it.
 #[pyclass(name = "RetimedTrajectory", module = "redundancy", frozen, extends = PyTrajectory)]
 pub struct PyRetimed {
     limiting: Vec<Option<String>>,
@@ -56,7 +56,7 @@ impl PyRetimed {
         self.stops.clone()
     }
 
-    /// Largest factor by which a stretch was slowed down evenly after it was solved; 1.0 for none.
+    /// Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none.
     #[getter]
     fn stretched(&self) -> f64 {
         self.stretched
@@ -91,31 +91,29 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 /// The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
 /// is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
 /// Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
-/// Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get
-/// rows in
-/// between (`path_rows` says which are the path's own).
+/// Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows
+/// get rows in between (`path_rows` says which are the path's own).
 ///
 /// Args:
 ///     chain: the arm, `n` joints.
-///     trajectory: a trajectory or plan whose times are replaced, or joint rows (N, n), rad or m.
+///     trajectory: a trajectory or plan whose times are replaced, or joint rows `(N, n)`, rad or m.
 ///     tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
-///     velocity_limits: (n,) rad/s or m/s, "chain" for those of the chain, None for none.
-///     acceleration_limits: (n,) rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
-///     jerk_limits: (n,) or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
-///     torque_limits: (n,) N m or N, "chain" or None; needs a chain with inertias.
+///     velocity_limits: `(n,)`, rad/s or m/s, "chain" for those of the chain, None for none.
+///     acceleration_limits: `(n,)`, rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
+///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+///     torque_limits: `(n,)`, N m or N, "chain" or None; needs a chain with inertias.
 ///     at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
 ///     corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
 ///         turning of a smooth curve from row to row does not count.
 ///     dt: rows at these intervals (s) in place of the rows of the path.
-///     gravity: (3,) m/s^2, base frame.
+///     gravity: `(3,)`, m/s^2, world axes.
 ///
 /// Returns:
 ///     The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
 ///
 /// Raises:
-///     ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
-///         neither an
-///         acceleration nor a torque limit.
+///     RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
+///         neither an acceleration nor a torque limit.
 ///     CannotFollowError: a torque limit that does not hold the arm at rest.
 ///
 /// Example:

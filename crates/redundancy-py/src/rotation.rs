@@ -981,7 +981,7 @@ impl PyOrientationSolution {
         wxyz(py, &self.solution.q)
     }
 
-    /// Sum of weight x barrier; infinite when infeasible.
+    /// Sum of weight x barrier, without a unit; infinite when infeasible.
     #[getter]
     fn value(&self) -> f64 {
         self.solution.value

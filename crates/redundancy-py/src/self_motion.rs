@@ -135,7 +135,7 @@ impl PySrsArm {
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like.
-    ///     swivel: The angle s (rad), or u = (cos s, sin s).
+    ///     swivel: The angle s, rad, or u = (cos s, sin s), `(2,)`.
     ///     limits: Only those within the joint limits. Without: all 8 rows in branch order (index
     ///         `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
     ///
@@ -533,7 +533,7 @@ impl PyChoice {
         self.choice.map(|c| PyTuple::new(py, signs_of(c.branch))).transpose()
     }
 
-    /// The criterion there.
+    /// The criterion there, in its own unit.
     #[getter]
     fn value(&self) -> Option<f64> {
         self.choice.map(|c| c.value)

@@ -245,6 +245,9 @@ impl PyPiece {
     /// Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`.
     ///
     /// `None` where there is none.
+    ///
+    /// Args:
+    ///     u: Parameter on the piece: a number or `(N,)`; not needed for a point.
     #[pyo3(signature = (u=None))]
     fn parameter<'py>(&self, py: Python<'py>, u: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let set = &*self.inner.set;
@@ -296,13 +299,13 @@ impl PySolution {
         self.solution.as_ref().map(|s| PyPiece { inner: self.inner.clone(), index: s.piece })
     }
 
-    /// Its parameter on the piece.
+    /// Its parameter on the piece, in the unit of `Piece.parameter`.
     #[getter]
     fn u(&self) -> Option<f64> {
         self.solution.as_ref().map(|s| s.u)
     }
 
-    /// The criterion there, or the distance.
+    /// The criterion there in its own unit, or the distance in joint space, rad or m.
     #[getter]
     fn value(&self) -> Option<f64> {
         self.solution.as_ref().map(|s| s.value)

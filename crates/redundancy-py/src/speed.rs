@@ -387,7 +387,8 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
 ///     orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
 ///         `(N, 3, 3)`.
 ///     q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
-///     q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+///     q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest one that holds the path is
+///         taken.
 ///     tool: Pose of the tool in the last link, instead of the chain's.
 ///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
 ///     velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).

@@ -37,9 +37,9 @@ use crate::watch::watched;
 #[pyclass(name = "Damping", module = "redundancy", frozen, eq, get_all)]
 #[derive(PartialEq)]
 pub struct PyDamping {
-    /// Largest damping factor.
+    /// Largest damping factor, in the unit of the singular values.
     maximum: f64,
-    /// Singular values from here on are not damped.
+    /// Singular values from here on, in the unit of the task Jacobian, are not damped.
     threshold: f64,
     /// Share of the threshold below which the damping is full.
     rho: f64,
@@ -591,13 +591,13 @@ impl PyStep {
         self.report.scale
     }
 
-    /// Largest damping factor that acted, 0 for none.
+    /// Largest damping factor that acted, in the unit of the singular values; 0 for none.
     #[getter]
     fn damping(&self) -> f64 {
         self.report.damping
     }
 
-    /// `|J qd - scale v|`, 0 up to rounding unless the status says otherwise.
+    /// `|J qd - scale v|` in m/s and rad/s, 0 up to rounding unless the status says otherwise.
     #[getter]
     fn residual(&self) -> f64 {
         self.report.residual
@@ -628,7 +628,7 @@ impl PyStep {
             .collect()
     }
 
-    /// Least singular value of the task Jacobian, exact; computed when asked for.
+    /// Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for.
     #[getter]
     fn sigma_min(&self) -> PyResult<f64> {
         sigma_min(&self.chain.get().chain, &self.task, &self.q).map_err(to_py)
