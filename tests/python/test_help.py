@@ -170,6 +170,15 @@ def test_every_parameter_is_described(name: str, node: ast.FunctionDef):
             assert SHAPE.search(text), f"{name} gives no shape of {argument.arg}: {text!r}"
 
 
+@pytest.mark.parametrize("module", [rd.catalog, rd.paths, rd.orientation_rules], ids=lambda m: m.__name__)
+def test_functions_in_python_describe_their_parameters(module: types.ModuleType):
+    for name in module.__all__:
+        function = getattr(module, name)
+        entries = re.findall(r"^    (\w+): ", inspect.getdoc(function), re.M)
+        parameters = list(inspect.signature(function).parameters)
+        assert entries[: len(parameters)] == parameters, name
+
+
 @pytest.mark.parametrize("name", [n for n, node in MEMBERS.items() if isinstance(node, ast.FunctionDef)])
 def test_arrays_have_a_shape_and_numbers_a_unit(name: str):
     node = MEMBERS[name]

@@ -10,7 +10,6 @@ import redundancy as rd
 DOWN = np.diag([-1.0, 1.0, -1.0])
 
 
-
 def park_lap(q0, gain=10.0, dt=1e-3):
     arm = rd.catalog.load("planar3r")
     circle = rd.paths.circle((3.5, 0, 0), 1.5, start=np.pi, n=401)
