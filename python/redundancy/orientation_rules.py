@@ -141,7 +141,7 @@ def barrier_two_cones(
     Args:
         beta: Half-angle (rad) of the cone around the tool axis without freedom.
         alpha: Half-angle (rad) of the cone around the direction from above the centre to the position.
-        gamma: Half-angle (rad) of the cone of the tool's x axis around x without freedom.
+        gamma: Half-angle (rad) of the cone for the tool's x axis.
         k_err: Weight of the first barrier.
         k_tcp: Weight of the second barrier.
         k_x: Weight of the barrier of the tool's x axis.
