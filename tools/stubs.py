@@ -21,7 +21,7 @@ _Documented = ast.ClassDef | ast.FunctionDef
 def members(tree: ast.Module) -> Iterator[tuple[str, _Documented]]:
     """Names and nodes of everything in a stub that carries a docstring; of overloads the last one.
 
-    Magic methods are left out: their docstrings come from the interpreter.
+    Private and magic methods are left out: the docstrings of the latter come from the interpreter.
     """
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
@@ -30,7 +30,7 @@ def members(tree: ast.Module) -> Iterator[tuple[str, _Documented]]:
             yield node.name, node
             methods = {sub.name: sub for sub in node.body if isinstance(sub, ast.FunctionDef)}
             for name, method in methods.items():
-                if not name.startswith("__"):
+                if not name.startswith("_"):
                     yield f"{node.name}.{name}", method
 
 
