@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Table
 
 import redundancy as rd
-from redundancy import _check, _painting, _plan, plot
+from redundancy import _check, _motion, _painting, _plan, plot
 
 DONE, CANNOT_FOLLOW, BAD_INPUT, STOPPED = 0, 1, 2, 130
 
@@ -142,7 +142,7 @@ def robots() -> None:
     Example:  redundancy robots
     """
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in ("name", "arm", "joints", "reach (m)", "limits", "self-motion", "source"):
+    for column in ("name", "arm", "joints", "reach (m)", "limits", "closed form", "source"):
         right = column in {"joints", "reach (m)"}
         table.add_column(
             column, overflow="fold", justify="right" if right else "left", no_wrap=column == "name"
@@ -156,11 +156,8 @@ def robots() -> None:
             "torque": chain.effort_limit,
         }
         limits = " ".join(kind for kind, values in known.items() if np.isfinite(values).any()) or "none"
-        try:
-            rd.SrsArm(chain)
-            closed = "closed form"
-        except rd.NotSrsError:
-            closed = ""
+        form = rd.closed_form(chain)
+        closed = "" if form is None else form.name
         arm, source = SOURCES.get(name, ("", ""))
         table.add_row(name, arm, str(chain.dof), f"{_reach(chain):.3f}", limits, closed, source)
     # Into a file or a pipe one line per robot, whatever the width.
@@ -208,12 +205,16 @@ def track(
     clearance: Annotated[float, typer.Option(help="Wanted distance from the obstacles, m.")] = 0.03,
     link_radius: Annotated[float, typer.Option(help="Radius of the links, m.")] = 0.05,
     cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
+    retime: Annotated[
+        bool, typer.Option("--retime", help="Replace the path's own times by the fastest within the limits.")
+    ] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
     """Follow a path of tool poses with a seven-joint arm, away from limits and obstacles and without a jump.
 
     Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs; beside obstacles
-    also animation.json: where joints and obstacles are in space, row by row.
+    also animation.json: where joints and obstacles are in space, row by row. Times of the path are kept, and what they
+    break is reported; without them the motion goes from rest to rest as fast as the limits of the arm allow.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy track --robot pa10 --path path.csv --out run/
@@ -231,7 +232,7 @@ def track(
         )
     desired = None if desired_swivel is None else float(np.deg2rad(desired_swivel))
     way = Way(obstacles, plan, clearance, link_radius, cyclic, desired)
-    Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way).run()
+    Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way, retime).run()
 
 
 def _first_fault(plan: rd.SwivelPlan, points: int) -> int:
@@ -268,6 +269,7 @@ class Job:
     branch: tuple[int, int, int] | None = None
     plots: bool = True
     way: Way = field(default_factory=Way)
+    retime: bool = False
     summary: dict[str, Any] = field(default_factory=dict)
 
     def run(self) -> None:
@@ -311,15 +313,19 @@ class Job:
             except CannotFollowError as failure:
                 self._give_up(arm, path, str(failure))
                 raise
-            self._measure(chain, path, plan, progress)
-            plan.to_csv(self.out / "trajectory.csv")
-            plan.to_json(self.out / "trajectory.json")
+            keep = path.t is not None and not self.retime
+            motion, self.summary["timing"] = _motion.timed(chain, plan, keep)
+            for event in self.summary["events"]:
+                event["t"] = float(motion.t[event["index"]])
+            self._measure(chain, path, plan, motion, progress)
+            _motion.write_csv(motion, self.out / "trajectory.csv")
+            motion.to_json(self.out / "trajectory.json")
             written = ["trajectory.csv", "trajectory.json", "summary.json"]
             if self.way.scene is not None:
-                self._animate(chain, plan, self.way.scene)
+                self._animate(chain, plan, motion, self.way.scene)
                 written.append("animation.json")
             if self.plots:
-                self._draw(arm, path, plan)
+                self._draw(arm, path, plan, motion)
                 written.append("track.png")
                 if self.way.scene is not None:
                     figure = plot.obstacle_map(arm, path, plan, self.way.scene, self.way.link_radius)
@@ -426,14 +432,14 @@ class Job:
             raise rd.RedundancyError(f"{self.path_file}: --plan flow needs evenly spaced times")
         return flow.follow(path, s0, float(path.t[-1] - path.t[0]) / (len(path) - 1), progress=report)
 
-    def _animate(self, chain: rd.Chain, plan: rd.SwivelPlan, scene: rd.Scene) -> None:
+    def _animate(self, chain: rd.Chain, plan: rd.SwivelPlan, motion: rd.Trajectory, scene: rd.Scene) -> None:
         """Where the joints and the tool are in space, row by row, and what is around them."""
         names = [name for name in chain.link_names if name]
         points = np.stack([chain.forward(plan.q, link=name)[:, :3, 3] for name in names], axis=1)
         points = np.concatenate([points, chain.forward(plan.q)[:, None, :3, 3]], axis=1)
         animation = {
             "robot": chain.name,
-            "t": plan.t.tolist(),
+            "t": motion.t.tolist(),
             "points": [*names, "tool"],
             "positions_m": np.round(points, 6).tolist(),
             "link_radius_m": self.way.link_radius,
@@ -459,9 +465,16 @@ class Job:
         figure = plot.swivel(path.s[shown], None, band, marks)
         _save(figure, self.out / "swivel.png")
 
-    def _measure(self, chain: rd.Chain, path: rd.Path, plan: rd.SwivelPlan, progress: Progress) -> None:
+    def _measure(
+        self,
+        chain: rd.Chain,
+        path: rd.Path,
+        plan: rd.SwivelPlan,
+        motion: rd.Trajectory,
+        progress: Progress,
+    ) -> None:
         """What the result is worth, from the returned joint positions alone."""
-        q, qd, poses = plan.q, plan.qd, path.poses
+        q, qd, poses = motion.q, motion.qd, path.poses
         task = progress.add_task("measuring", total=len(q))
         position = orientation = 0.0
         for first in range(0, len(q), _CHUNK):
@@ -477,7 +490,7 @@ class Job:
         fast_row, fast_joint = np.unravel_index(np.argmax(use), use.shape)
         names = chain.joint_names
         self.summary |= {
-            "duration_s": float(plan.t[-1] - plan.t[0]),
+            "duration_s": float(motion.t[-1] - motion.t[0]),
             "branch": _signs(plan.branch[0]),
             "swivel_range_rad": [float(np.min(plan.swivel)), float(np.max(plan.swivel))],
             "position_error_m": position,
@@ -495,14 +508,14 @@ class Job:
                 "clearance_at": {"point": nearest},
             }
 
-    def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: rd.SwivelPlan) -> None:
+    def _draw(self, arm: rd.SrsArm, path: rd.Path, plan: rd.SwivelPlan, motion: rd.Trajectory) -> None:
         shown = _shown(len(path))
         band = plot.swivel_band(arm, path.poses[shown], plan.branch[0])
         title = (
             f"{arm.chain.name}: {len(path)} points, {path.length:.2f} m, {self.summary['duration_s']:.1f} s"
         )
         angles = np.asarray(plan.swivel)[shown]
-        _save(plot.track(plan, arm.chain, path.s[shown], angles, band, title), self.out / "track.png")
+        _save(plot.track(motion, arm.chain, path.s[shown], angles, band, title), self.out / "track.png")
 
     def _write_summary(self) -> None:
         text = json.dumps(self.summary, indent=2, allow_nan=False)
@@ -527,6 +540,7 @@ class Job:
             lines.append(
                 f"nearest to an obstacle: {1e3 * s['clearance_m']:.1f} mm at point {s['clearance_at']['point']}"
             )
+        lines += [escape(line) for line in _motion.lines(s["timing"])]
         lines.append(f"in {escape(str(self.out))}: {', '.join(written)}")
         for line in lines:
             _out.print(line, soft_wrap=True)
@@ -683,7 +697,7 @@ def paint(
     ] = "free",
     torque_limits: Annotated[str, typer.Option(help="chain, off, or N m with commas.")] = "chain",
     torque_margin: Annotated[float, typer.Option(help="Part of the torque limits kept free, percent.")] = 0.0,
-    velocity_limits: Annotated[str, typer.Option(help="off, chain, or deg/s with commas.")] = "off",
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
     joint_limits: Annotated[bool, typer.Option(help="Whether the position limits hold.")] = True,
     max_rate: Annotated[float | None, typer.Option(help="Plan: fastest turn of the tool, deg/s.")] = None,
     time_limit: Annotated[float, typer.Option(help="Plan: seconds until the best so far is taken.")] = 60.0,
@@ -693,6 +707,7 @@ def paint(
 
     Prints the highest constant speed of each, and writes the fastest (the plan, where one is asked for):
     trajectory.csv, trajectory.json, summary.json, PNGs, and report.html, which opens without a network.
+    The tool speed is constant along the path; a lead-in and a lead-out, sections of their own, begin and end at rest.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy paint --robot puma560 --tool -0.15,0,0.4 --path path.csv --out run/
@@ -778,7 +793,7 @@ def _numbers(text: str, option: str, count: int) -> NDArray[np.float64]:
     except ValueError:
         values = np.array([])
     if len(values) != count or not np.isfinite(values).all():
-        raise rd.RedundancyError(f"{option} is '{text}', it must be {count} numbers with commas")
+        raise rd.RedundancyError(f"{option} is '{text}', it must be {count} comma-separated numbers")
     return values
 
 
@@ -815,11 +830,16 @@ def plan(
     time_limit: Annotated[float, typer.Option(help="Seconds until the best so far is taken.")] = 10.0,
     seed: Annotated[int, typer.Option(help="Seed of the random postures.")] = 0,
     threads: Annotated[int | None, typer.Option(help="Threads; all cores by default.")] = None,
+    retime: Annotated[
+        bool, typer.Option("--retime", help="Replace the path's own times by the fastest within the limits.")
+    ] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
     """Plan a whole path for any arm, with any freedom of the tool.
 
     Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs. Ctrl-C keeps the best line so far.
+    Times of the path (or of --tool-speed) are kept, and what they break is reported; without them the motion goes from
+    rest to rest as fast as the limits of the arm allow.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy plan --robot panda --path path.csv --out run/
@@ -855,7 +875,7 @@ def plan(
     }
     weights = {"motion_weight": motion_weight, "limit_weight": limit_weight}
     options |= {name: value for name, value in weights.items() if value is not None}
-    plan_job(_plan.Job(chain, robot, path, rd.Path.from_csv(path), out, options, plots))
+    plan_job(_plan.Job(chain, robot, path, rd.Path.from_csv(path), out, options, plots, retime=retime))
 
 
 def plan_job(job: _plan.Job) -> None:
@@ -872,8 +892,10 @@ def plan_job(job: _plan.Job) -> None:
     if job.plan is None:
         return
     table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value in _plan.rows(job.chain, job.plan):
+    for name, value in _plan.rows(job.chain, job.plan, job.motion or job.plan):
         table.add_row(name, escape(value))
+    for line in _motion.lines(job.summary.get("timing", {})):
+        table.add_row("times", escape(line))
     console = _out if _out.is_terminal else Console(width=160, highlight=False)
     console.print(table)
     _out.print(f"in {escape(str(job.out))}: {', '.join(written)}", soft_wrap=True)

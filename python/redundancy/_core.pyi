@@ -2973,7 +2973,7 @@ class RetimedTrajectory(Trajectory):
         """Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
 
 def retime(
-    chain: Chain,
+    chain: Chain | Any,
     trajectory: Trajectory | ArrayLike,
     *,
     tool_speed: float | None = None,
@@ -2984,6 +2984,7 @@ def retime(
     at_rest: bool = True,
     corner_angle: float = 0.02,
     dt: float | None = None,
+    rows_between: bool = True,
     gravity: ArrayLike = (0.0, 0.0, -9.81),
 ) -> RetimedTrajectory:
     """Times for a joint path: as fast as every limit allows, from rest to rest.
@@ -3006,6 +3007,8 @@ def retime(
         corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
             turning of a smooth curve from row to row does not count.
         dt: rows at these intervals (s) in place of the rows of the path.
+        rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
+            where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
         gravity: `(3,)`, m/s^2, world axes.
 
     Returns:
@@ -3031,7 +3034,7 @@ def max_speed(
     q0: ArrayLike | None = None,
     tool: _Pose | None = None,
     torque_limits: Literal["chain"] | ArrayLike | None = "chain",
-    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     *,
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     joint_limits: bool = True,
@@ -3048,7 +3051,7 @@ def max_speed(
             taken.
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
-        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
         gravity: m/s^2, world axes.
         joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
 
@@ -3227,6 +3230,23 @@ class Plan(Trajectory):
         ('converged', True, 50)
     """
 
+    def retime(self, chain: Chain | Any | None = None, **options: Any) -> RetimedTrajectory:
+        """Times for the rows of the plan: as fast as every limit allows, from rest to rest.
+
+        Args:
+            chain: the arm; a plan that comes straight from `rd.plan` knows it, one from a file or another planner does
+                not.
+            **options: the keyword arguments of `rd.retime`.
+
+        Returns:
+            What `rd.retime(chain, plan, **options)` returns.
+
+        Raises:
+            ValueError: an unknown arm, and what `rd.retime` raises.
+
+        Example:
+            >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
+        """
     @property
     def status(self) -> Status:
         """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
@@ -3378,7 +3398,7 @@ def plan_orientation(
     tool: _Pose | None = None,
     torque_limits: Literal["chain"] | ArrayLike | None = "chain",
     torque_margin: float = 0.0,
-    velocity_limits: Literal["chain"] | ArrayLike | None = None,
+    velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     joint_limits: bool = True,
     max_rate: float | None = None,
     time_limit: float = 60.0,
@@ -3401,7 +3421,7 @@ def plan_orientation(
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
         torque_margin: Share of the torque limits that is kept free.
-        velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+        velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
         joint_limits: Whether the position limits hold.
         max_rate: Largest rate of the tool's orientation, rad/s.
         time_limit: Seconds after which the best plan so far is returned.
@@ -3508,10 +3528,12 @@ class Cone:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
             threads: Threads for a batch; all cores when left out.
         """
-    def __and__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+    def __and__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
         """The intersection with another set, an `OrientationSet`."""
-    def __or__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+    def __or__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
         """The union with another set, an `OrientationSet`."""
+    def __rand__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
+    def __ror__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __getnewargs__(self) -> tuple[list[float], list[float], float]: ...
@@ -3734,10 +3756,12 @@ class QuaternionVolume:
         before: Sequence[float],
         after: Sequence[float],
     ) -> QuaternionVolume: ...
-    def __and__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+    def __and__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
         """The intersection with another set, an `OrientationSet`."""
-    def __or__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet:
+    def __or__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
         """The union with another set, an `OrientationSet`."""
+    def __rand__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
+    def __ror__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, Any]: ...
@@ -3835,8 +3859,10 @@ class OrientationSet:
         Raises:
             RedundancyError: A quaternion that is not of unit norm, an unknown side.
         """
-    def __and__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet: ...
-    def __or__(self, other: Cone | QuaternionVolume | OrientationSet) -> OrientationSet: ...
+    def __and__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
+    def __or__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
+    def __rand__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
+    def __ror__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet: ...
     @staticmethod
     def _restore(
         operation: str, parts: Sequence[Cone | QuaternionVolume | OrientationSet]

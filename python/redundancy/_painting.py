@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import redundancy as rd
-from redundancy import orientation_rules, plot_painting
+from redundancy import _motion, orientation_rules, plot_painting
 
 RULES = (
     "constant",
@@ -120,9 +120,14 @@ class Job:
             if failures and not any(isinstance(error, rd.CannotFollowError) for error in failures):
                 raise failures[0]
             raise rd.CannotFollowError(self.choices[-1].reason)
-        self.summary |= {"written": self.best.name, "speed_m_s": self.best.speed}
-        self.best.trajectory.to_csv(self.out / "trajectory.csv")
-        self.best.trajectory.to_json(self.out / "trajectory.json")
+        motion, slower, timing = _motion.at_constant_speed(
+            self.chain, self.best.trajectory, self.velocity_limits is not None
+        )
+        # Rules and plan find the speed that torques and velocities allow; accelerations may allow less.
+        speed = self.best.speed / slower
+        self.summary |= {"written": self.best.name, "speed_m_s": speed, "timing": timing}
+        _motion.write_csv(motion, self.out / "trajectory.csv")
+        motion.to_json(self.out / "trajectory.json")
         written = ["trajectory.csv", "trajectory.json", "summary.json"]
         self.summary["seconds"] = time.perf_counter() - begin
         self._write_summary()

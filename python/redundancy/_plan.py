@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import redundancy as rd
-from redundancy import plot_plan
+from redundancy import _motion, plot_plan
 
 # What `plan` leaves behind.
 RESULTS = (
@@ -38,6 +38,8 @@ class Job:
     plots: bool = True
     progress: Callable[[float], None] | None = None
     plan: rd.Plan | None = None
+    retime: bool = False
+    motion: rd.Trajectory | None = None
     summary: dict[str, Any] = field(default_factory=dict)
 
     def run(self) -> list[str]:
@@ -51,8 +53,17 @@ class Job:
         self.summary = self._measure(plan)
         written = ["summary.json"]
         if len(plan):
-            plan.to_csv(self.out / "trajectory.csv")
-            plan.to_json(self.out / "trajectory.json")
+            own = self.path.t is not None or self.options.get("tool_speed") is not None
+            # A jump from configuration to configuration has no times.
+            keep = (own and not self.retime) or not plan.legal or len(plan) < 2
+            motion, self.summary["timing"] = _motion.timed(self.chain, plan, keep)
+            self.motion = motion
+            self.summary["duration_s"] = float(motion.t[-1] - motion.t[0])
+            self.summary["peak_joint_speed"] = dict(
+                zip(motion.joint_names, np.abs(motion.qd).max(axis=0).tolist(), strict=True)
+            )
+            _motion.write_csv(motion, self.out / "trajectory.csv")
+            motion.to_json(self.out / "trajectory.json")
             plan.to_npz(self.out / "plan.npz")
             written = ["trajectory.csv", "trajectory.json", "plan.npz", *written]
             if self.plots:
@@ -81,15 +92,10 @@ class Job:
         if not len(plan):
             return out
         steps = np.diff(plan.q, axis=0)
-        seconds = np.diff(plan.t)[:, None]
         out |= {
             "cost": plan.cost,
             **travel_and_margin(self.chain, plan),
             "sum_of_squared_steps": float((steps**2).sum()),
-            "duration_s": float(plan.t[-1] - plan.t[0]),
-            "peak_joint_speed": dict(
-                zip(plan.joint_names, np.abs(steps / seconds).max(axis=0).tolist(), strict=True)
-            ),
         }
         if plan.tilt is not None:
             out["largest_tilt_deg"] = float(np.degrees(np.linalg.norm(plan.tilt, axis=1).max()))
@@ -133,7 +139,7 @@ def travel_and_margin(chain: rd.Chain, plan: rd.Plan) -> dict[str, float]:
     return out
 
 
-def rows(chain: rd.Chain, plan: rd.Plan) -> list[tuple[str, str]]:
+def rows(chain: rd.Chain, plan: rd.Plan, motion: rd.Trajectory) -> list[tuple[str, str]]:
     """What the terminal shows."""
     out = [("status", str(plan.status))]
     if plan.reason:
@@ -144,7 +150,7 @@ def rows(chain: rd.Chain, plan: rd.Plan) -> list[tuple[str, str]]:
     out.append(("joint travel", f"{figures.get('joint_travel_rad', 0.0):.4f} rad"))
     if "joint_travel_m" in figures:
         out.append(("travel of sliding joints", f"{figures['joint_travel_m']:.4f} m"))
-    out.append(("duration", f"{plan.t[-1] - plan.t[0]:.3f} s"))
+    out.append(("duration", f"{motion.t[-1] - motion.t[0]:.3f} s"))
     if "least_margin_rad" in figures:
         out.append(("least margin", f"{np.degrees(figures['least_margin_rad']):.2f} deg"))
     if "least_margin_m" in figures:

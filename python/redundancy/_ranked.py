@@ -16,8 +16,10 @@ class RankedStarts(list[RankedStart]):
         reason: The same in words; empty when `converged`.
 
     Example:
-        >>> ranked = rd.rank_starts(chain, path, criterion)
-        >>> ranked.status, ranked[0].completed
+        >>> from redundancy._ranked import RankedStarts
+        >>> from redundancy.status import Status
+        >>> RankedStarts([], Status("unreachable"), "out of reach").status == "unreachable"
+        True
     """
 
     def __init__(self, starts: Iterable[RankedStart], status: Status, reason: str) -> None:

@@ -259,7 +259,7 @@ fn orientation_sets_are_reached_and_measured() {
     let down = [0.0, 0.0, -1.0];
     let cone = Cone::z(down, 0.3).unwrap();
     let volume = QuaternionVolume::cone_around([0.0, 0.0, 1.0], down, 0.2).unwrap();
-    let (inner, outer) = (volume, cone);
+    let (inner, outer) = (volume.clone(), cone);
     for set in [cone.into(), volume.into()] {
         let is_cone = matches!(set, redundancy_core::ik::OrientationSet::Cone(_));
         let settings = IkSettings { orientation_set: Some(set), ..IkSettings::default() };

@@ -134,7 +134,11 @@ def test_signatures_are_those_of_the_stub(name: str):
         return
     found = stubs.member(_core, name)
     found = found.__func__ if isinstance(found, (staticmethod, classmethod)) else found
-    parameters = [p for p in inspect.signature(found).parameters.values() if p.name not in {"self", "cls"}]
+    parameters = [
+        p
+        for p in inspect.signature(found).parameters.values()
+        if p.name not in {"self", "cls"} and p.kind is not p.VAR_KEYWORD
+    ]
     assert [p.name for p in parameters] == [a.arg for a in _arguments(node)], "names"
     positional = [*node.args.posonlyargs, *node.args.args]
     defaults = [*[None] * (len(positional) - len(node.args.defaults)), *node.args.defaults]

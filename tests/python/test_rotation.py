@@ -543,7 +543,7 @@ def test_samples_repeat():
             ["closed_form", "one body axis"],
         ),
         (lambda: rd.OrientationOptimizer([(1, rd.Cone.downward(0.3))]).solve([0, 0, 0, 0]), ["norm 0"]),
-        (lambda: rd.QuaternionVolume.from_axes(np.eye(3)[[0, 1, 2, 0]], [0] * 4, [1] * 4), ["4 rotations"]),
+        (lambda: rd.QuaternionVolume.from_axes(np.eye(3)[[0, 1, 2, 2]], [0] * 4, [1] * 4), ["axes 2 and 3"]),
         (lambda: rd.QuaternionVolume.from_axes([Z, Z], [0, 0], [1, 1]), ["parallel"]),
         (lambda: rd.QuaternionVolume.zyz((1, 0), (0, 1), (0, 1)), ["above"]),
         (lambda: rd.QuaternionVolume.cone(Z, 4), ["half-angle is 4"]),

@@ -163,7 +163,7 @@ pub enum SpinArgument {
 ///     tool: Pose of the tool in the last link, instead of the chain's.
 ///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
 ///     torque_margin: Share of the torque limits that is kept free.
-///     velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+///     velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
 ///     joint_limits: Whether the position limits hold.
 ///     max_rate: Largest rate of the tool's orientation, rad/s.
 ///     time_limit: Seconds after which the best plan so far is returned.
@@ -178,10 +178,11 @@ pub enum SpinArgument {
 ///     RedundancyError: A setting out of its range, no inertias, no length, another number of joints.
 #[pyfunction(name = "plan_orientation")]
 #[pyo3(signature = (chain, path, half_angle, spin=SpinArgument::Word("free".into()), tool=None,
-    torque_limits=Some(JointLimits::Word("chain".into())), torque_margin=0.0, velocity_limits=None, joint_limits=true,
+    torque_limits=Some(JointLimits::Word("chain".into())), torque_margin=0.0,
+    velocity_limits=Some(JointLimits::Word("chain".into())), joint_limits=true,
     max_rate=None, time_limit=60.0, threads=None, *, orientation=None, gravity=STANDARD_GRAVITY, progress=None),
     text_signature = "(chain, path, half_angle, spin=\"free\", tool=None, torque_limits=\"chain\", torque_margin=0.0, \
-    velocity_limits=None, joint_limits=True, max_rate=None, time_limit=60.0, threads=None, *, \
+    velocity_limits=\"chain\", joint_limits=True, max_rate=None, time_limit=60.0, threads=None, *, \
     orientation=None, gravity=(0.0, 0.0, -9.81), progress=None)")]
 pub fn py_plan_orientation<'py>(
     py: Python<'py>,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use redundancy_core::chain::Chain;
 use redundancy_core::kinematics::{SpinFreedom, ToolFreedom};
 use redundancy_core::path::{BlockedPoint, Plan, PlanBuilder, Reconfiguration};
 use redundancy_core::planning::{Objective, PlanSettings, plan};
@@ -112,10 +113,45 @@ impl PyToolFreedom {
 #[pyclass(name = "Plan", module = "redundancy", frozen, subclass, extends = PyTrajectory)]
 pub struct PyPlan {
     pub plan: Plan,
+    /// The arm that was planned for, where it is known.
+    arm: Option<Chain>,
 }
 
 #[pymethods]
 impl PyPlan {
+    /// Times for the rows of the plan: as fast as every limit allows, from rest to rest.
+    ///
+    /// Args:
+    ///     chain: the arm; a plan that comes straight from `rd.plan` knows it, one from a file or another planner does
+    ///         not.
+    ///     **options: the keyword arguments of `rd.retime`.
+    ///
+    /// Returns:
+    ///     What `rd.retime(chain, plan, **options)` returns.
+    ///
+    /// Raises:
+    ///     ValueError: an unknown arm, and what `rd.retime` raises.
+    ///
+    /// Example:
+    ///     >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
+    #[pyo3(signature = (chain=None, **options))]
+    fn retime<'py>(
+        slf: &Bound<'py, Self>,
+        chain: Option<Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = slf.py();
+        let chain = match (chain, &slf.get().arm) {
+            (Some(chain), _) => chain,
+            (None, Some(arm)) => Bound::new(py, PyChain::from(arm.clone()))?.into_any(),
+            (None, None) => {
+                let message = "this plan does not know its arm: give retime the chain";
+                return Err(to_py(Error::Invalid(message.into())));
+            }
+        };
+        py.import("redundancy._core")?.getattr("retime")?.call((chain, slf), options)
+    }
+
     /// What the planner did: `converged` (continuous, legal, a local optimum), or why not.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -380,7 +416,7 @@ impl PyPlan {
 /// A plan, ready for what extends it.
 pub fn plan_initializer(plan: Plan) -> PyClassInitializer<PyPlan> {
     let base = PyClassInitializer::from(PyTrajectory::from(plan.trajectory().clone()));
-    base.add_subclass(PyPlan { plan })
+    base.add_subclass(PyPlan { plan, arm: None })
 }
 
 /// A plan as a Python object.
@@ -580,5 +616,6 @@ pub fn py_plan<'py>(
         }
     };
     let plan = watched_aside(py, &watch, &pool, report, || plan(chain, path, &settings, &watch))?;
-    wrapped(py, plan)
+    let base = PyClassInitializer::from(PyTrajectory::from(plan.trajectory().clone()));
+    Bound::new(py, base.add_subclass(PyPlan { plan, arm: Some(chain.clone()) }))
 }

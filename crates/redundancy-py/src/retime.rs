@@ -3,10 +3,10 @@
 use pyo3::prelude::*;
 use redundancy_core::timing::{RetimeSettings, Retimed, retime};
 
-use crate::chain::PyChain;
 use crate::convert::{Gravity, STANDARD_GRAVITY, read_rows};
 use crate::error::to_py;
 use crate::path::PyTrajectory;
+use crate::plan::read_chain;
 use crate::speed::{JointLimits, read_limits};
 
 /// A joint path with its times: what `retime` returns, the trajectory with what was done to it.
@@ -106,6 +106,8 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 ///     corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
 ///         turning of a smooth curve from row to row does not count.
 ///     dt: rows at these intervals (s) in place of the rows of the path.
+///     rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
+///         where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
 ///     gravity: `(3,)`, m/s^2, world axes.
 ///
 /// Returns:
@@ -124,13 +126,13 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 #[pyfunction]
 #[pyo3(name = "retime", signature = (chain, trajectory, *, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
     acceleration_limits=Some(JointLimits::Word("chain".into())), jerk_limits=None, torque_limits=None, at_rest=true, corner_angle=0.02,
-    dt=None, gravity=STANDARD_GRAVITY),
+    dt=None, rows_between=true, gravity=STANDARD_GRAVITY),
     text_signature = "(chain, trajectory, *, tool_speed=None, velocity_limits=\"chain\", acceleration_limits=\"chain\", \
-    jerk_limits=None, torque_limits=None, at_rest=True, corner_angle=0.02, dt=None, gravity=(0.0, \
-    0.0, -9.81))")]
+    jerk_limits=None, torque_limits=None, at_rest=True, corner_angle=0.02, dt=None, \
+    rows_between=True, gravity=(0.0, 0.0, -9.81))")]
 pub fn py_retime<'py>(
     py: Python<'py>,
-    chain: &Bound<'py, PyChain>,
+    chain: &Bound<'py, PyAny>,
     trajectory: &Bound<'py, PyAny>,
     tool_speed: Option<f64>,
     velocity_limits: Option<JointLimits<'py>>,
@@ -140,8 +142,10 @@ pub fn py_retime<'py>(
     at_rest: bool,
     corner_angle: f64,
     dt: Option<f64>,
+    rows_between: bool,
     gravity: Gravity,
 ) -> PyResult<Bound<'py, PyRetimed>> {
+    let chain = read_chain(chain)?;
     let chain = &chain.get().chain;
     let (joints, n) = (chain.joints(), chain.dof());
     let q = match trajectory.cast::<PyTrajectory>() {
@@ -165,6 +169,7 @@ pub fn py_retime<'py>(
         at_rest,
         corner_angle,
         dt,
+        rows_between,
         gravity: gravity.into(),
     };
     let retimed = py.detach(|| retime(chain, &q, &settings)).map_err(to_py)?;

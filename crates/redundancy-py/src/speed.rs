@@ -391,7 +391,7 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
 ///         taken.
 ///     tool: Pose of the tool in the last link, instead of the chain's.
 ///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
-///     velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+///     velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
 ///     gravity: m/s^2, world axes.
 ///     joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
 ///
@@ -400,10 +400,10 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
 ///         gravity asks for (joint and point), no inertias, no limit, no length.
 #[pyfunction(name = "max_speed")]
 #[pyo3(signature = (chain, path, orientation_rule=None, q=None, q0=None, tool=None,
-    torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=None, *, gravity=STANDARD_GRAVITY,
+    torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=Some(JointLimits::Word("chain".into())), *, gravity=STANDARD_GRAVITY,
     joint_limits=true),
     text_signature = "(chain, path, orientation_rule=None, q=None, q0=None, tool=None, torque_limits=\"chain\", \
-    velocity_limits=None, *, gravity=(0.0, 0.0, -9.81), joint_limits=True)")]
+    velocity_limits=\"chain\", *, gravity=(0.0, 0.0, -9.81), joint_limits=True)")]
 pub fn py_max_speed<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,

@@ -417,7 +417,6 @@ impl PyReducedGradient {
 
     /// Inverse of pickling: all arguments by place.
     #[staticmethod]
-    #[expect(clippy::too_many_arguments, reason = "those of the constructor")]
     fn _make<'py>(
         chain: &Bound<'py, PyChain>,
         criterion: Option<&Bound<'py, PyCriterion>>,

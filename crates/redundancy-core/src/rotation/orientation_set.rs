@@ -205,7 +205,7 @@ fn joined(
 
 /// A set as what proposes orientations, uniformly, with its total measure.
 enum Source {
-    One(QuaternionVolume, Proposals),
+    One(Box<(QuaternionVolume, Proposals)>),
     All { first: Box<Source>, others: Vec<OrientationSet> },
     Any { parts: Vec<(Source, OrientationSet)> },
 }
@@ -235,13 +235,13 @@ impl Source {
 
     fn of(volume: QuaternionVolume) -> Self {
         let proposals = volume.proposals();
-        Self::One(volume, proposals)
+        Self::One(Box::new((volume, proposals)))
     }
 
     /// Dimension and total measure of what is proposed.
     fn size(&self) -> (usize, f64) {
         match self {
-            Self::One(_, proposals) => (proposals.dimension, proposals.measure),
+            Self::One(one) => (one.1.dimension, one.1.measure),
             Self::All { first, .. } => first.size(),
             Self::Any { parts } => parts
                 .iter()
@@ -253,7 +253,7 @@ impl Source {
     /// A member, or none this time.
     fn draw(&self, random: &mut ChaCha8Rng) -> Option<UnitQuaternion<f64>> {
         match self {
-            Self::One(volume, proposals) => volume.propose(proposals, random),
+            Self::One(one) => one.0.propose(&one.1, random),
             Self::All { first, others } => {
                 first.draw(random).filter(|q| others.iter().all(|set| set.contains(q, SET_MEMBER)))
             }

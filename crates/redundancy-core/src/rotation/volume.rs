@@ -26,8 +26,8 @@
 //! product of sets: the same `Q_s` stands on both sides, so the pair (Q, V) is what is kept.
 //!
 //! # Cost
-//! Membership and margin below 1 us, nearest member below 0.1 ms (three rotations, outside); both some 0.1 ms for five. References: [FromGravdahl2007],
-//! [FromGravdahl2009].
+//! Membership and margin below 1 us, nearest member below 0.1 ms (three rotations, outside); of five rotations margin and
+//! nearest member take about a millisecond (development build). References: [FromGravdahl2007], [FromGravdahl2009].
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

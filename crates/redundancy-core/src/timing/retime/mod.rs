@@ -34,7 +34,9 @@ use self::verify::Motion;
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
 use crate::path::{Event, EventKind, Section, Trajectory};
-use crate::tolerance::{RETIME_CORNER_RATIO, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT};
+use crate::tolerance::{
+    RETIME_CORNER_RATIO, RETIME_LEAST_NODES, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT,
+};
 
 /// A joint path with its times.
 #[derive(Debug, Clone)]
@@ -46,7 +48,8 @@ pub struct Retimed {
     pub limiting: Vec<Option<Limiting>>,
     /// Rows of the trajectory that are rows of the path, one for each.
     pub path_rows: Vec<usize>,
-    /// Largest factor by which a stretch had to be slowed down evenly after it was solved, 1 for none.
+    /// Largest factor by which a stretch had to be slowed down evenly after it was solved, 1 for none. Where no profile was
+    /// found the stretch is one smooth ease; the factor is then that over the fastest motion without jerk limits.
     pub stretched: f64,
     /// Rows of the path at which the arm stops on the way.
     pub stops: Vec<usize>,
@@ -85,7 +88,7 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
             motion.dwell(&q[first * n..last * n], &q[last * n..(last + 1) * n], &mut path_rows);
             continue;
         }
-        let stretch = Stretch::new(&q[first * n..(last + 1) * n], n, first);
+        let stretch = Stretch::new(&q[first * n..(last + 1) * n], n, first, settings.rows_between);
         let (part, factor) = solve(chain, &stretch, settings, rest)?;
         stretched = stretched.max(factor);
         motion.append(part, &mut path_rows);
@@ -191,6 +194,7 @@ fn solve(
     rest: [bool; 2],
 ) -> Result<(Motion, f64)> {
     if rest == [true; 2]
+        && settings.rows_between
         && settings.torque_limits.is_none()
         && settings.tool_speed.is_none()
         && let Some(direction) = stretch.straight(RETIME_STRAIGHT)
@@ -199,12 +203,20 @@ fn solve(
     }
     let limits = NodeLimits::new(chain, stretch, settings)?;
     limits.check_gravity(chain, stretch, settings)?;
+    let least_nodes = if settings.jerk_limits.is_some() { RETIME_LEAST_NODES } else { 3 };
+    if stretch.nodes() < least_nodes {
+        return eased(chain, stretch, &limits, settings, rest);
+    }
     let mut share = vec![1.0; stretch.nodes()];
     let mut best: Option<(Motion, f64)> = None;
     for _ in 0..REPAIRS {
         let motion = match &settings.jerk_limits {
             None => second_order(stretch, &limits, settings, rest, &share)?,
-            Some(jerk) => third_order(stretch, &limits, settings, jerk, rest, &share)?,
+            Some(jerk) => match third_order(stretch, &limits, settings, jerk, rest, &share) {
+                Some(motion) => motion,
+                None if best.is_some() => break,
+                None => return eased(chain, stretch, &limits, settings, rest),
+            },
         };
         let excess = motion.excess(chain, settings)?;
         let worst = excess.iter().copied().fold(1.0, f64::max);
@@ -275,17 +287,74 @@ fn third_order(
     jerk: &[f64],
     rest: [bool; 2],
     share: &[f64],
-) -> Result<Motion> {
-    let law = jerk::fastest(stretch, limits, settings, jerk, rest, share)
-        .ok_or_else(|| Error::CannotFollow("no speed along the path is within the limits".into()))?;
+) -> Option<Motion> {
+    let law = jerk::fastest(stretch, limits, settings, jerk, rest, share)?;
     let n = stretch.n;
     let mut motion = Motion::new(n, true);
     for (k, node) in law.nodes.iter().enumerate() {
         let at = k * n..(k + 1) * n;
         motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.row[k]);
     }
-    Ok(motion)
+    Some(motion)
 }
+
+/// One smooth ease from end to end, slowed down evenly until it holds every limit: what is left where nodes are too few for
+/// a profile, or where none is found. Its factor is the duration over that of the fastest motion without jerk limits.
+fn eased(
+    chain: &Chain,
+    stretch: &Stretch,
+    limits: &NodeLimits,
+    settings: &RetimeSettings,
+    rest: [bool; 2],
+) -> Result<(Motion, f64)> {
+    let (n, length) = (stretch.n, stretch.s[stretch.nodes() - 1]);
+    let ease = |t: f64| {
+        let left = 1.0 - t;
+        let s = t * t * t * (10.0 - t * (15.0 - 6.0 * t));
+        [s, 30.0 * t * t * left * left, 60.0 * t * left * (left - t)]
+    };
+    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
+    for k in 0..stretch.nodes() {
+        let share = stretch.s[k] / length;
+        let (mut low, mut high) = (share, share);
+        if rest != [false; 2] {
+            (low, high) = (0.0, 1.0);
+            for _ in 0..EASE_BISECTIONS {
+                let middle = 0.5 * (low + high);
+                if ease(middle)[0] < share { low = middle } else { high = middle }
+            }
+        }
+        let t = if k == 0 { low } else { high };
+        let [speed, acceleration] = match rest {
+            [false, false] => [length, 0.0],
+            _ => [1, 2].map(|order| length * ease(t)[order]),
+        };
+        let at = k * n..(k + 1) * n;
+        let qd: Vec<f64> = stretch.d[at.clone()].iter().map(|d| d * speed).collect();
+        let qdd: Vec<f64> =
+            at.clone().map(|i| stretch.d[i] * acceleration + stretch.dd[i] * speed * speed).collect();
+        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
+    }
+    if rest == [true; 2] {
+        motion.rest_at_ends();
+    }
+    let worst = motion.excess(chain, settings)?.into_iter().fold(0.0, f64::max);
+    motion.slow_down(worst * (1.0 + UNSEEN));
+    let dense;
+    let (reference, its_limits) = if stretch.nodes() > 2 {
+        (stretch, limits)
+    } else {
+        dense = Stretch::new(&stretch.q, n, 0, true);
+        (&dense, &NodeLimits::new(chain, &dense, settings)?)
+    };
+    let share = vec![1.0; reference.nodes()];
+    let fastest = second_order(reference, its_limits, settings, rest, &share)?.duration();
+    let factor = (motion.duration() / fastest).max(1.0);
+    Ok((motion, factor))
+}
+
+/// Halvings after which the time of a node on the ease is exact to rounding.
+const EASE_BISECTIONS: usize = 60;
 
 /// A straight line from rest to rest: rows of the path, and rows where the phases change.
 fn straight(stretch: &Stretch, direction: &[f64], settings: &RetimeSettings) -> Motion {

@@ -24,6 +24,9 @@ pub struct RetimeSettings {
     pub corner_angle: f64,
     /// Rows at these intervals in place of the rows of the path, s.
     pub dt: Option<f64>,
+    /// Whether rows may appear between those of the path: where straight lines change their phase, and where rows are
+    /// sparse. Without them the motion has one row per row of the path, and may be slower.
+    pub rows_between: bool,
     /// m/s^2, world axes.
     pub gravity: Vector3<f64>,
 }
@@ -43,6 +46,7 @@ impl RetimeSettings {
             at_rest: true,
             corner_angle: 0.02,
             dt: None,
+            rows_between: true,
             gravity: Vector3::new(0.0, 0.0, -9.81),
         }
     }

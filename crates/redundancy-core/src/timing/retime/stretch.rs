@@ -11,7 +11,7 @@ use crate::chain::Chain;
 use crate::error::Result;
 use crate::kinematics::{DynamicsScratch, Scratch};
 use crate::path::knot_derivatives;
-use crate::tolerance::RETIME_NODES;
+use crate::tolerance::{RETIME_NODES, RETIME_TURN, RETIME_TURN_PARTS};
 
 /// Nodes of a stretch and the derivatives of the joints by the chord length at them.
 #[derive(Debug, Clone)]
@@ -29,8 +29,9 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// The curve through `rows` (at least two, no two neighbours equal), which are rows `first..` of the path.
-    pub fn new(rows: &[f64], n: usize, first: usize) -> Self {
+    /// The curve through `rows` (at least two, no two neighbours equal), which are rows `first..` of the path; with more
+    /// nodes where they are sparse, if wanted.
+    pub fn new(rows: &[f64], n: usize, first: usize, nodes_between: bool) -> Self {
         let count = rows.len() / n;
         let mut s = vec![0.0; count];
         for k in 1..count {
@@ -39,8 +40,7 @@ impl Stretch {
         }
         let (d, dd) = knot_derivatives(&s, rows, n);
         let third = |k: usize, j: usize| (dd[(k + 1) * n + j] - dd[k * n + j]) / (s[k + 1] - s[k]);
-        // Sparse rows get nodes between them: a motion needs some to speed up and slow down on.
-        let parts = RETIME_NODES.div_ceil(count - 1).max(1);
+        let parts = if nodes_between { parts(rows, n) } else { vec![1; count - 1] };
         let mut out = Self {
             n,
             s: Vec::new(),
@@ -56,8 +56,8 @@ impl Stretch {
             if k + 1 == count {
                 break;
             }
-            for part in 1..parts {
-                let h = (s[k + 1] - s[k]) * part as f64 / parts as f64;
+            for part in 1..parts[k] {
+                let h = (s[k + 1] - s[k]) * part as f64 / parts[k] as f64;
                 let at = |j: usize| {
                     let (q, d, dd, ddd) = (rows[k * n + j], d[k * n + j], dd[k * n + j], third(k, j));
                     [q + h * (d + h * (dd / 2.0 + h * ddd / 6.0)), d + h * (dd + h * ddd / 2.0), dd + h * ddd]
@@ -66,7 +66,7 @@ impl Stretch {
                 let column = |c: usize| values.iter().map(|v| v[c]).collect::<Vec<f64>>();
                 out.push(s[k] + h, None, &column(0), &column(1), &column(2));
             }
-            for _ in 0..parts {
+            for _ in 0..parts[k] {
                 out.ddd.extend((0..n).map(|j| third(k, j)));
             }
         }
@@ -97,6 +97,31 @@ impl Stretch {
         (0..=last).all(on_line).then_some(direction)
     }
 }
+
+/// Into how many parts each interval between rows is cut. A motion needs some nodes to speed up and slow down on; and where
+/// the path turns much from row to row a cubic in time between them is slower than the path allows.
+fn parts(rows: &[f64], n: usize) -> Vec<usize> {
+    let intervals = rows.len() / n - 1;
+    let least = RETIME_NODES.div_ceil(intervals).max(1);
+    let step = |k: usize, j: usize| rows[(k + 1) * n + j] - rows[k * n + j];
+    let length = |k: usize| (0..n).map(|j| step(k, j).powi(2)).sum::<f64>().sqrt();
+    let turn = |k: usize| {
+        let [a, b] = [length(k - 1), length(k)];
+        (0..n).map(|j| (step(k, j) / b - step(k - 1, j) / a).powi(2)).sum::<f64>().sqrt()
+    };
+    let mut out = vec![least; intervals];
+    for k in 1..intervals {
+        let wanted = ((turn(k) / RETIME_TURN).ceil() as usize).min(RETIME_TURN_PARTS);
+        // The neighbours too: the length of the intervals should not change at once.
+        for near in &mut out[k.saturating_sub(TURN_WIDTH)..(k + TURN_WIDTH).min(intervals)] {
+            *near = wanted.max(*near);
+        }
+    }
+    out
+}
+
+/// Intervals to either side of a turn that are cut with it.
+const TURN_WIDTH: usize = 4;
 
 /// What the limits say at the nodes.
 #[derive(Debug, Clone)]

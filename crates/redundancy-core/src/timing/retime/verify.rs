@@ -10,6 +10,9 @@ use crate::tolerance::{RETIME_DWELL, TORQUE_LEFT};
 /// Places of an interval at which the limits are looked at, ends included.
 const PLACES: usize = 20;
 
+/// Places of a whole stretch at which they are looked at, at least.
+const PLACES_IN_ALL: usize = 2_000;
+
 /// What kind of limit binds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LimitKind {
@@ -196,11 +199,13 @@ impl Motion {
         let mut gauge = Gauge::new(chain, settings)?;
         let mut local = vec![[0.0; 4]; self.n];
         let intervals = self.t.len().saturating_sub(1);
+        // A quintic over a long interval bends between places that are far apart.
+        let places = PLACES.max(PLACES_IN_ALL / intervals.max(1));
         let mut out = Vec::with_capacity(intervals);
         for k in 0..intervals {
             let mut worst = 0.0_f64;
-            for place in 0..=PLACES {
-                self.local(k, place as f64 / PLACES as f64, &mut local);
+            for place in 0..=places {
+                self.local(k, place as f64 / places as f64, &mut local);
                 worst = worst.max(gauge.time_factor(&local));
             }
             out.push(worst);
