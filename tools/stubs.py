@@ -37,8 +37,11 @@ def members(tree: ast.Module) -> Iterator[tuple[str, _Documented]]:
 def member(module: ModuleType, name: str) -> Any:
     """What a dotted name means in the module; of a class its own or inherited attribute, not bound."""
     owner, _, attribute = name.partition(".")
-    found = getattr(module, owner)
-    return inspect.getattr_static(found, attribute) if attribute else found
+    try:
+        found = getattr(module, owner)
+        return inspect.getattr_static(found, attribute) if attribute else found
+    except AttributeError:
+        raise AttributeError(f"the stub has '{name}', the module that was built has not") from None
 
 
 def docstring(module: ModuleType, name: str) -> str:
