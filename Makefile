@@ -11,7 +11,7 @@ export MPLBACKEND := Agg
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' -o -path '*/data/*' -type f)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name 'py.typed' -o -path '*/data/*' -type f)
 
-.PHONY: help demo test test-full format lint features rust-test python-test examples package bench counts counts-store docs wheel clean
+.PHONY: help demo test test-full format stubs lint features rust-test python-test examples package bench counts counts-store docs wheel clean
 
 help:
 	@echo 'make demo       a 7-joint arm follows a path; tables, plots and trajectories in out/'
@@ -22,6 +22,7 @@ help:
 	@echo 'make counts     instructions of the kernels beside the stored ones (needs valgrind)'
 	@echo 'make docs       API documentation in target/doc'
 	@echo 'make wheel      build the package and install it in .venv'
+	@echo 'make stubs      docstrings of python/redundancy/_core.pyi from those of the built module'
 	@echo 'make format     rewrite the sources in the house format'
 	@echo 'make clean      remove everything that was built'
 
@@ -76,6 +77,11 @@ format: $(VENV)/.dev
 	$(PY) -m ruff format .
 	$(PY) -m ruff check --fix .
 
+# The `///` comments of crates/redundancy-py are the docstrings; the stub repeats them for editors.
+stubs: $(VENV)/.dev $(VENV)/.wheel
+	$(PY) tools/stubs.py
+	$(PY) -m ruff format python/redundancy/_core.pyi
+
 lint: $(VENV)/.dev
 	cargo fmt --all --check
 	$(PY) -m ruff format --check .
@@ -100,6 +106,7 @@ rust-test: $(VENV)/.dev
 	cargo test --locked --benches
 
 python-test: $(VENV)/.dev $(VENV)/.wheel
+	$(PY) tools/stubs.py --check
 	$(PY) -m mypy.stubtest --allowlist tests/python/stubtest.allow redundancy._core
 	$(PY) -m pytest
 

@@ -18,14 +18,29 @@ _ClosedForm: TypeAlias = "SrsArm | PandaClassArm | SphericalWristArm | ParallelA
 
 __version__: str
 
-class RedundancyError(ValueError): ...
-class DescriptionError(RedundancyError): ...
-class NotSrsError(RedundancyError): ...
-class NotSphericalWristError(RedundancyError): ...
-class NotParallelAxesError(RedundancyError): ...
-class NotPandaClassError(RedundancyError): ...
-class FileFormatError(RedundancyError): ...
-class CannotFollowError(RedundancyError): ...
+class RedundancyError(ValueError):
+    """Invalid input; the message names the thing, the value and the bound."""
+
+class DescriptionError(RedundancyError):
+    """A robot description (URDF, D-H rows, builder) cannot become a chain."""
+
+class NotSrsError(RedundancyError):
+    """The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other by how much."""
+
+class NotSphericalWristError(RedundancyError):
+    """No six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."""
+
+class NotParallelAxesError(RedundancyError):
+    """No six-joint arm with three parallel axes; the message says which axes are wrong and by how much."""
+
+class NotPandaClassError(RedundancyError):
+    """The chain is not an arm of the Panda class; the message says which axes are wrong and by how much."""
+
+class FileFormatError(RedundancyError):
+    """A file is broken; the message gives its name and line."""
+
+class CannotFollowError(RedundancyError):
+    """The path is sound, the arm cannot follow it; the message says which points and what is in the way."""
 
 # chain, kinematics
 
@@ -81,7 +96,14 @@ class Chain:
         tip: str | None = None,
         missing_limits: Literal["error", "unbounded"] = "error",
     ) -> Chain:
-        """Read a chain out of the text of a URDF; see `from_urdf`."""
+        """Read a chain out of the text of a URDF; see `from_urdf`.
+
+        Args:
+            xml: Text of the URDF.
+            base: Base link, as in `from_urdf`.
+            tip: Tip link, as in `from_urdf`.
+            missing_limits: What to do with a revolute or prismatic joint without `<limit>`.
+        """
 
     @staticmethod
     def from_dh(
@@ -157,9 +179,17 @@ class Chain:
     def tool(self) -> NDArray[np.float64]:
         """Pose `(4, 4)` of the tool in the frame of the last link. A copy."""
     def with_tool(self, pose: _Pose) -> Chain:
-        """The same arm with another tool after its last link; replaces an earlier tool."""
+        """The same arm with another tool after its last link; replaces an earlier tool.
+
+        Args:
+            pose: Pose `(4, 4)` of the tool in the frame of the last link, m.
+        """
     def with_base(self, pose: _Pose) -> Chain:
-        """The same arm mounted elsewhere; replaces an earlier base."""
+        """The same arm mounted elsewhere; replaces an earlier base.
+
+        Args:
+            pose: Pose `(4, 4)` of the first link in the world, m.
+        """
     def with_limits(
         self,
         lower: ArrayLike | None = None,
@@ -168,7 +198,15 @@ class Chain:
         acceleration: ArrayLike | None = None,
         effort: ArrayLike | None = None,
     ) -> Chain:
-        """The same arm with other limits `(n,)`; what is not given stays. A single number counts for all joints."""
+        """The same arm with other limits `(n,)`; what is not given stays. A single number counts for all joints.
+
+        Args:
+            lower: Lower position limits `(n,)`, rad or m; `-inf` for none.
+            upper: Upper position limits `(n,)`, rad or m; `inf` for none.
+            velocity: Velocity limits `(n,)`, rad/s or m/s; `inf` for none.
+            acceleration: Acceleration limits `(n,)`, rad/s^2 or m/s^2; `inf` for none.
+            effort: Torque or force limits `(n,)`, N m or N; `inf` for none.
+        """
     def with_rail(
         self,
         axis: ArrayLike,
@@ -300,7 +338,7 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = ...,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
         *,
         threads: int | None = None,
     ) -> NDArray[np.float64]:
@@ -324,9 +362,15 @@ class Chain:
         q: ArrayLike,
         qd: ArrayLike,
         qdd: ArrayLike,
-        gravity: Sequence[float] = ...,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
+
+        Args:
+            q: Joint positions `(n,)`, rad or m.
+            qd: Velocities `(n,)`, rad/s or m/s.
+            qdd: Accelerations `(n,)`, rad/s^2 or m/s^2.
+            gravity: `(3,)`, m/s^2, world axes.
 
         Returns:
             Three `(n, n)`: row i is the torque of joint i. The last is the mass matrix, rotors included.
@@ -334,8 +378,15 @@ class Chain:
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
-def catalog_load(name: str) -> Chain: ...
-def catalog_names() -> list[str]: ...
+def catalog_load(name: str) -> Chain:
+    """An arm of the catalogue by name.
+
+    Args:
+        name: One of `catalog_names()`.
+    """
+
+def catalog_names() -> list[str]:
+    """Names of the arms of the catalogue, in alphabetical order."""
 
 # path
 
@@ -392,7 +443,11 @@ class Path:
             FileFormatError: What is wrong, with the file's name and line.
         """
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the samples as `from_csv` reads them."""
+        """Write the samples as `from_csv` reads them.
+
+        Args:
+            path: The file to write.
+        """
     @property
     def s(self) -> NDArray[np.float64]:
         """Arc length of each sample `(N,)`, m. A copy."""
@@ -477,7 +532,11 @@ class Path:
                 positions `(N, 3)` to rotations `(N, 3, 3)`.
         """
     def with_times(self, t: ArrayLike | None) -> Path:
-        """The same path with other times `(N,)`, s, or none."""
+        """The same path with other times `(N,)`, s, or none.
+
+        Args:
+            t: `(N,)`, s, increasing; None takes the times away.
+        """
     def __len__(self) -> int: ...
 
 @final
@@ -549,25 +608,47 @@ class Trajectory:
     def __ne__(self, other: object, /) -> bool: ...
     @staticmethod
     def from_csv(path: str | PathLike[str]) -> Trajectory:
-        """Read what `to_csv` writes."""
+        """Read what `to_csv` writes.
+
+        Args:
+            path: The file.
+        """
     @staticmethod
     def from_json(path: str | PathLike[str]) -> Trajectory:
-        """Read what `to_json` writes, or a ROS `JointTrajectory` as JSON; times to the nanosecond."""
+        """Read what `to_json` writes, or a ROS `JointTrajectory` as JSON; times to the nanosecond.
+
+        Args:
+            path: The file.
+        """
     @staticmethod
     def from_npz(path: str | PathLike[str]) -> Trajectory:
-        """Read what `to_npz` writes."""
+        """Read what `to_npz` writes.
+
+        Args:
+            path: The file.
+        """
     def to_csv(self, path: str | PathLike[str]) -> None:
         """Write `t,<joint>...,<joint>_velocity...`, one line per instant, without the events.
 
         `<joint>_acceleration...` and `section` follow where the trajectory has them.
+
+        Args:
+            path: The file to write.
         """
     def to_json(self, path: str | PathLike[str]) -> None:
         """Write the fields of ROS `JointTrajectory`, and `events` and `section` beside them.
 
         `accelerations` are written where the trajectory has them.
+
+        Args:
+            path: The file to write.
         """
     def to_npz(self, path: str | PathLike[str]) -> None:
-        """Write the arrays `joint_names, t, q, qd` and `event_kind, event_index, event_t, event_s, event_message`."""
+        """Write the arrays `joint_names, t, q, qd` and `event_kind, event_index, event_t, event_s, event_message`.
+
+        Args:
+            path: The file to write.
+        """
     @property
     def joint_names(self) -> list[str]:
         """The joints, base to tip."""
@@ -640,7 +721,9 @@ def times_within_limits(
 
 def paths_circle(
     center: ArrayLike, radius: float, start: float, turns: float, normal: ArrayLike, orientation: Any, n: int
-) -> Path: ...
+) -> Path:
+    """`redundancy.paths.circle` without its defaults."""
+
 def paths_raster(
     origin: ArrayLike,
     length: float,
@@ -651,7 +734,8 @@ def paths_raster(
     step: float,
     along: ArrayLike,
     across: ArrayLike,
-) -> Path: ...
+) -> Path:
+    """`redundancy.paths.raster` without its defaults."""
 
 # task
 
@@ -1019,6 +1103,9 @@ class Scene:
         Any may have a `name`, and a `velocity` or `attached_to`. Quaternions, `allowed`, and `solid` and `center` of a
         mesh may be left out.
 
+        Args:
+            path: The file.
+
         Raises:
             RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
         """
@@ -1039,7 +1126,7 @@ class Scene:
         self,
         chain: Chain,
         q: ArrayLike,
-        link_radius: float | LinkGeometry | None = ...,
+        link_radius: float | LinkGeometry | None = 0.05,
         *,
         links: LinkGeometry | float | None = None,
         threads: int | None = None,
@@ -1116,6 +1203,10 @@ class LinkGeometry:
             padding: Every shape counts with everything within this distance, m.
             posture: Positions of joints that are not the chain's (rad or m); those that are not named are at the
                 position nearest to 0 within their limits, or follow the joint that they mimic.
+
+        Args:
+            chain: The arm.
+            path: The URDF file.
 
         Raises:
             RedundancyError: A file that is no URDF or SRDF, none of its links in the chain, no collision geometry, an
@@ -1287,9 +1378,17 @@ class Criterion:
     def value(self, q: ArrayLike) -> Any:
         """h(q) for `(n,)`, or `(N,)` values for `(N, n)`."""
     def gradient(self, q: ArrayLike) -> NDArray[np.float64]:
-        """dh/dq, `(n,)` or `(N, n)`; per rad or m."""
+        """dh/dq, `(n,)` or `(N, n)`; per rad or m.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+        """
     def hessian(self, q: ArrayLike) -> NDArray[np.float64]:
-        """d2h/dq2, `(n, n)` or `(N, n, n)`."""
+        """d2h/dq2, `(n, n)` or `(N, n, n)`.
+
+        Args:
+            q: Joint positions `(n,)` or `(N, n)`, rad or m.
+        """
     def __add__(self, other: Criterion, /) -> Criterion: ...
     def __radd__(self, other: Criterion, /) -> Criterion: ...
     def __mul__(self, factor: float, /) -> Criterion: ...
@@ -1302,6 +1401,9 @@ class JointRange(Criterion):
 
     `1/(2n) sum ((q_i - c_i) / (upper_i - lower_i))^2` (Bettini, De Luca, Oriolo 2000, eq. 6). Joints without limits
     do not count; n is the number of all joints.
+
+    Args:
+        chain: The arm; joints without two finite limits do not count.
 
     Example:
         >>> import redundancy as rd
@@ -1367,10 +1469,10 @@ class Damping:
     def __new__(cls, maximum: float, threshold: float, rho: float) -> Self: ...
     @property
     def maximum(self) -> float:
-        """Largest damping factor."""
+        """Largest damping factor, in the unit of the singular values."""
     @property
     def threshold(self) -> float:
-        """Singular values from here on are not damped."""
+        """Singular values from here on, in the unit of the task Jacobian, are not damped."""
     @property
     def rho(self) -> float:
         """Share of the threshold below which the damping is full."""
@@ -1394,10 +1496,10 @@ class Step:
         """Share of the task velocity that is realised, 1 or less."""
     @property
     def damping(self) -> float:
-        """Largest damping factor that acted, 0 for none."""
+        """Largest damping factor that acted, in the unit of the singular values; 0 for none."""
     @property
     def residual(self) -> float:
-        """`|J qd - scale v|`, 0 up to rounding unless the status says otherwise."""
+        """`|J qd - scale v|` in m/s and rad/s, 0 up to rounding unless the status says otherwise."""
     @property
     def basis_changed(self) -> bool:
         """Whether a change of the reduced gradient's basis began."""
@@ -1414,7 +1516,7 @@ class Step:
         """Pairs that held the step back: names of a link and of an obstacle or link, and their distance, m."""
     @property
     def sigma_min(self) -> float:
-        """Least singular value of the task Jacobian, exact; computed when asked for."""
+        """Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for."""
 
 @disjoint_base
 class Resolver:
@@ -1510,7 +1612,7 @@ class ProjectedGradient(Resolver):
         criterion: Criterion | None,
         gain: float | Literal["optimal"],
         task: _Task | None = None,
-        damping: _Damping = ...,
+        damping: _Damping = "auto",
         *,
         frame: str | None = None,
     ) -> Self: ...
@@ -1548,7 +1650,7 @@ class ReducedGradient(Resolver):
         criterion: Criterion | None,
         gain: float | Literal["optimal"],
         task: _Task | None = None,
-        damping: _Damping = ...,
+        damping: _Damping = "auto",
         basis: Sequence[int] | None = None,
         *,
         frame: str | None = None,
@@ -1578,7 +1680,7 @@ class ExtendedJacobian(Resolver):
         task: _Task | None = None,
         *,
         gain: float = 10.0,
-        damping: _Damping = ...,
+        damping: _Damping = "auto",
     ) -> Self: ...
 
 @final
@@ -1708,7 +1810,7 @@ class Clearance(Criterion):
         cls,
         chain: Chain,
         scene: Scene,
-        link_radius: float | LinkGeometry | None = ...,
+        link_radius: float | LinkGeometry | None = 0.05,
         *,
         links: LinkGeometry | float | None = None,
         self_collision: bool = False,
@@ -1799,7 +1901,7 @@ class SrsArm:
 
         Args:
             pose: `(4, 4)` or SE3-like.
-            swivel: The angle s (rad), or u = (cos s, sin s).
+            swivel: The angle s, rad, or u = (cos s, sin s), `(2,)`.
             limits: Only those within the joint limits. Without: all 8 rows in branch order (index
                 `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
 
@@ -1828,9 +1930,21 @@ class SrsArm:
     def intervals_batch(
         self, poses: Any, margin: float = 0.0, *, threads: int | None = None
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Feasible intervals of all branches over many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi)."""
+        """Feasible intervals of all branches over many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi).
+
+        Args:
+            poses: `(N, 4, 4)`, or a list of SE3-like objects.
+            margin: Distance kept from every joint limit, rad.
+            threads: Threads for a batch; all cores when left out.
+        """
     def best_batch(self, poses: Any, criterion: Criterion, *, threads: int | None = None) -> ChoiceBatch:
-        """`SelfMotion.best` over many poses."""
+        """`SelfMotion.best` over many poses.
+
+        Args:
+            poses: `(N, 4, 4)`, or a list of SE3-like objects.
+            criterion: What is best.
+            threads: Threads for a batch; all cores when left out.
+        """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
@@ -1838,13 +1952,32 @@ class SrsArm:
         """The configuration `(7,)` over the pose nearest to `q` (Euclidean), limits held, windings included.
 
         `None` when there is none: `self_motion(pose).reason` says why. A batch of poses gives a `ChoiceBatch`.
+
+        Args:
+            pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+            q: `(7,)`, or `(N, 7)` for many poses, rad.
+            threads: Threads for a batch; all cores when left out.
         """
     def nearest_batch(self, poses: Any, q: ArrayLike, *, threads: int | None = None) -> ChoiceBatch:
-        """`nearest` over many poses, to one `q` `(7,)` or one each `(N, 7)`."""
+        """`nearest` over many poses, to one `q` `(7,)` or one each `(N, 7)`.
+
+        Args:
+            poses: `(N, 4, 4)`, or a list of SE3-like objects.
+            q: `(7,)` or `(N, 7)`, rad.
+            threads: Threads for a batch; all cores when left out.
+        """
     def swivel(self, q: ArrayLike) -> Any:
-        """Swivel angle of a configuration, rad in (-pi, pi]; `(N,)` for `(N, 7)`."""
+        """Swivel angle of a configuration, rad in (-pi, pi]; `(N,)` for `(N, 7)`.
+
+        Args:
+            q: Joint positions `(7,)` or `(N, 7)`, rad.
+        """
     def branch(self, q: ArrayLike) -> Any:
-        """Signs (shoulder, elbow, wrist) of a configuration; `(N, 3)` for `(N, 7)`."""
+        """Signs (shoulder, elbow, wrist) of a configuration; `(N, 3)` for `(N, 7)`.
+
+        Args:
+            q: Joint positions `(7,)` or `(N, 7)`, rad.
+        """
     def self_motion(self, pose: Any) -> SelfMotion:
         """Every configuration over a pose, as an object."""
     def chart_change(self, other: SrsArm, pose: Any) -> float:
@@ -1925,9 +2058,16 @@ class SelfMotion:
 
         For joint range, posture and their sums the optimum is proven by bounds; for other criteria every stationary
         point that a piecewise cubic resolves is compared.
+
+        Args:
+            criterion: What is best, of the same arm.
         """
     def nearest(self, q: ArrayLike) -> Choice:
-        """The configuration with the least Euclidean distance to `q`, which is the `value`."""
+        """The configuration with the least Euclidean distance to `q`, which is the `value`.
+
+        Args:
+            q: Joint positions `(7,)`, rad.
+        """
 
 @final
 class Branch:
@@ -1945,7 +2085,11 @@ class Branch:
         Principal values unless that breaks a limit and a winding does not.
         """
     def tangent(self, s: float | ArrayLike) -> NDArray[np.float64]:
-        """dq/ds, `(7,)` or `(N, 7)`: in the kernel of the Jacobian."""
+        """dq/ds, `(7,)` or `(N, 7)`: in the kernel of the Jacobian.
+
+        Args:
+            s: Swivel, rad: a number or `(N,)`.
+        """
     def windings(self, s: float) -> NDArray[np.float64]:
         """Every configuration within the limits at a swivel: all windings of all joints.
 
@@ -1995,7 +2139,7 @@ class Choice:
         """Its signs (shoulder, elbow, wrist)."""
     @property
     def value(self) -> float | None:
-        """The criterion there."""
+        """The criterion there, in its own unit."""
     @property
     def status(self) -> Status:
         """`converged`, `limits` or `unreachable`."""
@@ -2141,11 +2285,21 @@ class IkSolver:
         """`solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
 
         Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+
+        Args:
+            poses: `(N, 4, 4)`, or the short forms of `solve` with a leading axis.
+            q0: Where the search begins, `(n,)` or `(N, n)`, rad or m.
+            seed: Decides the random starts, of every pose the same.
+            threads: Threads for a batch; all cores when left out.
         """
     def trace(self, pose: Any, q0: ArrayLike) -> IkTrace:
         """One run of the method from `q0`, without restarts or closed form, iteration by iteration.
 
         `hybrid` runs as `newton`. At most `max_iterations`.
+
+        Args:
+            pose: `(4, 4)` or SE3-like.
+            q0: Where it begins, `(n,)`, rad or m.
         """
     @staticmethod
     def _restore(chain: Chain, options: dict[str, Any]) -> IkSolver: ...
@@ -2166,13 +2320,13 @@ class IkTrace:
         """Where it ended, `(n,)`."""
     @property
     def cost(self) -> NDArray[np.float64]:
-        """Weighted cost of the descent algorithms, whatever the method."""
+        """Weighted cost `(k,)` of the descent algorithms, whatever the method."""
     @property
     def position_error(self) -> NDArray[np.float64]:
-        """Distances from the target, m."""
+        """Distances from the target `(k,)`, m."""
     @property
     def orientation_error(self) -> NDArray[np.float64]:
-        """Angles from the target, rad."""
+        """Angles from the target `(k,)`, rad."""
     def __len__(self) -> int: ...
 
 def sinusoid_minimum(K: float, a: float, b: float) -> tuple[float, float]:
@@ -2201,6 +2355,15 @@ def joint_cost(
 
     `(K, a, b)` for the measure `"axes"` (squared distances of the point and of the three unit axes),
     `(K, a, b, c, d)` for `"quaternions"`; for `sinusoid_minimum` and `half_angle_minimum`.
+
+    Args:
+        axis: Direction `(3,)` of the joint's axis, world axes.
+        origin: A point `(3,)` on the axis, m.
+        pose: Pose `(4, 4)` of the tool at psi = 0.
+        target: Pose `(4, 4)` that is wanted.
+        position_weight: Weight of the squared distance, 1/m^2.
+        orientation_weight: Weight of the orientation.
+        measure: `"axes"` or `"quaternions"`.
     """
 
 @final
@@ -2338,7 +2501,13 @@ class SphericalWristArm:
             of joints 4 and 6 with joint 4 as near to 0 as the limits allow; so does joint 1 where it is free.
         """
     def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
-        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`."""
+        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`.
+
+        Args:
+            poses: `(N, 4, 4)`, or a list of SE3-like objects.
+            limits: Whether only those within the joint limits are valid.
+            threads: Threads for a batch; all cores when left out.
+        """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
@@ -2348,6 +2517,11 @@ class SphericalWristArm:
         `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
         `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
         they stay near `q`.
+
+        Args:
+            pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+            q: `(6,)`, or `(N, 6)` for many poses, rad.
+            threads: Threads for a batch; all cores when left out.
         """
     def configurations(self, pose: Any) -> Configurations:
         """Every configuration over a pose within the limits; where there is none, the reason."""
@@ -2356,6 +2530,9 @@ class SphericalWristArm:
 
         Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the wrist centre is on
         the side of axis 1 on which axis 2 passes.
+
+        Args:
+            q: Joint positions `(6,)` or `(N, 6)`, rad.
         """
 
 @final
@@ -2438,7 +2615,13 @@ class ParallelAxesArm:
             answers of an arm with a defect are polished by Newton's method.
         """
     def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
-        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished."""
+        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished.
+
+        Args:
+            poses: `(N, 4, 4)`, or a list of SE3-like objects.
+            limits: Whether only those within the joint limits are valid.
+            threads: Threads for a batch; all cores when left out.
+        """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
@@ -2447,12 +2630,20 @@ class ParallelAxesArm:
 
         `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
         `(N, 6)` and `valid` `(N,)`. Where the pose leaves joint 1 or joint 6 free it stays near `q`.
+
+        Args:
+            pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+            q: `(6,)`, or `(N, 6)` for many poses, rad.
+            threads: Threads for a batch; all cores when left out.
         """
     def branch(self, q: ArrayLike) -> Any:
         """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
 
         Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the point where axes 5
         and 6 meet is in front of axis 1, looking along the parallel axes from its side of axis 1.
+
+        Args:
+            q: Joint positions `(6,)` or `(N, 6)`, rad.
         """
 
 @final
@@ -2509,7 +2700,14 @@ class PandaClassArm:
     def solve_batch(
         self, poses: Any, q7: ArrayLike, limits: bool = True, *, threads: int | None = None
     ) -> SolveBatch:
-        """All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`."""
+        """All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`.
+
+        Args:
+            poses: `(N, 4, 4)`, or a list of SE3-like objects.
+            q7: Joint 7: a number or `(N,)`, rad.
+            limits: Whether only those within the joint limits are valid.
+            threads: Threads for a batch; all cores when left out.
+        """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
@@ -2518,6 +2716,11 @@ class PandaClassArm:
 
         `(7,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 7)`, a `SolveBatch` with `q`
         `(N, 7)` and `valid` `(N,)`.
+
+        Args:
+            pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+            q: `(7,)`, or `(N, 7)` for many poses, rad.
+            threads: Threads for a batch; all cores when left out.
         """
 
 # closed forms and solutions over a pose
@@ -2673,6 +2876,9 @@ class Piece:
         """Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`.
 
         `None` where there is none.
+
+        Args:
+            u: Parameter on the piece: a number or `(N,)`; not needed for a point.
         """
 
 @final
@@ -2687,10 +2893,10 @@ class Solution:
         """Its piece."""
     @property
     def u(self) -> float | None:
-        """Its parameter on the piece."""
+        """Its parameter on the piece, in the unit of `Piece.parameter`."""
     @property
     def value(self) -> float | None:
-        """The criterion there, or the distance."""
+        """The criterion there in its own unit, or the distance in joint space, rad or m."""
     @property
     def status(self) -> Status:
         """`converged`, `limits` or `unreachable`."""
@@ -2728,7 +2934,7 @@ def plan_swivel(
     desired: float | ArrayLike | None = None,
     wanted_clearance: float | None = None,
     link_radius: float | None = None,
-    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     *,
     fixed: float | ArrayLike | None = None,
     branch: str | Sequence[int] | None = None,
@@ -2791,7 +2997,7 @@ class SwivelFlow:
 
     Args:
         arm: The arm.
-        desired: Wished swivel, rad: an angle, one per path point, or a callable of the time.
+        desired: Wished swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
         scene: Obstacles.
         form: `"robust"`, `"paper"`, `"paper_u"`.
         link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
@@ -2865,6 +3071,13 @@ class SwivelFlow:
     ) -> SwivelPlan:
         """Along a path with times, one row every `dt` s.
 
+        Args:
+            path: Tool poses with times.
+            s0: Swivel at the first pose, rad.
+            dt: Time between rows, s.
+            progress: Is called with the share that is done, 0 to 1.
+            time_limit: Seconds after which it ends with the rows so far.
+
         Returns:
             Rows with `swivel` and `clearance`; `status` is `limits` where the arm left the joint limits, `infeasible`
             where it ran into an obstacle or a joint was too fast, and `reason` says when and how far. `time_limit`:
@@ -2889,7 +3102,8 @@ class SwivelFlow:
 class OrientationRule:
     """A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
 
-    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`.
+    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`. Its arguments are the
+    options of those functions, which say what they mean.
     """
 
     def __new__(
@@ -3007,7 +3221,7 @@ class Finding:
         """What was measured, in the unit of `bound`."""
     @property
     def bound(self) -> float:
-        """What is allowed."""
+        """What is allowed, in the unit of `value`."""
     @property
     def message(self) -> str:
         """All of it as a sentence."""
@@ -3044,8 +3258,8 @@ def joint_move(
     *,
     scene: Scene | None = None,
     links: LinkGeometry | float | None = None,
-    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
-    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    velocity_limits: ArrayLike | Literal["chain"] | None = "chain",
+    acceleration_limits: ArrayLike | Literal["chain"] | None = "chain",
     jerk_limits: ArrayLike | None = None,
     clearance: float = 0.0,
 ) -> Trajectory:
@@ -3082,17 +3296,17 @@ def check(
     *,
     scene: Scene | None = None,
     links: LinkGeometry | float | None = None,
-    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
-    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    velocity_limits: ArrayLike | Literal["chain"] | None = "chain",
+    acceleration_limits: ArrayLike | Literal["chain"] | None = "chain",
     jerk_limits: ArrayLike | None = None,
     torque_limits: ArrayLike | Literal["chain"] | None = None,
     at_rest: bool = True,
     tolerance: float | None = None,
     position_tolerance: float | None = None,
-    orientation_tolerance: float | None = ...,
+    orientation_tolerance: float | None = 0.01,
     singularity: float | None = None,
     clearance: float = 0.0,
-    gravity: ArrayLike = ...,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
     threads: int | None = None,
 ) -> CheckReport:
     """A linter for joint trajectories: whether the arm can run what the rows say.
@@ -3141,7 +3355,7 @@ def check(
 
 @final
 class RetimedTrajectory(Trajectory):
-    """A joint path with its times: what `retime` returns."""
+    """A joint path with its times: what `retime` returns, the trajectory with what was done to it."""
 
     def __new__(
         cls,
@@ -3170,55 +3384,53 @@ class RetimedTrajectory(Trajectory):
         """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
     @property
     def stretched(self) -> float:
-        """Largest factor by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
+        """Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
 
 def retime(
     chain: Chain | Any,
     trajectory: Trajectory | ArrayLike,
     *,
     tool_speed: float | None = None,
-    velocity_limits: ArrayLike | Literal["chain"] | None = ...,
-    acceleration_limits: ArrayLike | Literal["chain"] | None = ...,
+    velocity_limits: ArrayLike | Literal["chain"] | None = "chain",
+    acceleration_limits: ArrayLike | Literal["chain"] | None = "chain",
     jerk_limits: ArrayLike | None = None,
     torque_limits: ArrayLike | Literal["chain"] | None = None,
     at_rest: bool = True,
     corner_angle: float = 0.02,
     dt: float | None = None,
     rows_between: bool = True,
-    gravity: ArrayLike = ...,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
 ) -> RetimedTrajectory:
     """Times for a joint path: as fast as every limit allows, from rest to rest.
 
     The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
     is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
     Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
-    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows get
-    rows in
-    between (`path_rows` says which are the path's own).
+    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows
+    get rows in between (`path_rows` says which are the path's own).
 
     Args:
         chain: the arm, `n` joints.
-        trajectory: a trajectory or plan whose times are replaced, or joint rows (N, n), rad or m.
+        trajectory: a trajectory or plan whose times are replaced, or joint rows `(N, n)`, rad or m.
         tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
-        velocity_limits: (n,) rad/s or m/s, "chain" for those of the chain, None for none.
-        acceleration_limits: (n,) rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
-        jerk_limits: (n,) or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
-        torque_limits: (n,) N m or N, "chain" or None; needs a chain with inertias.
+        velocity_limits: `(n,)`, rad/s or m/s, "chain" for those of the chain, None for none.
+        acceleration_limits: `(n,)`, rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
+        jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+        torque_limits: `(n,)`, N m or N, "chain" or None; needs a chain with inertias.
         at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
         corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
             turning of a smooth curve from row to row does not count.
         dt: rows at these intervals (s) in place of the rows of the path.
         rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
             where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
-        gravity: (3,) m/s^2, base frame.
+        gravity: `(3,)`, m/s^2, world axes.
 
     Returns:
         The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
 
     Raises:
-        ValueError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
-            neither an
-            acceleration nor a torque limit.
+        RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
+            neither an acceleration nor a torque limit.
         CannotFollowError: a torque limit that does not hold the arm at rest.
 
     Example:
@@ -3235,10 +3447,10 @@ def max_speed(
     q: ArrayLike | None = None,
     q0: ArrayLike | None = None,
     tool: _Pose | None = None,
-    torque_limits: Literal["chain"] | ArrayLike | None = ...,
-    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    torque_limits: Literal["chain"] | ArrayLike | None = "chain",
+    velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     *,
-    gravity: Sequence[float] = ...,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
     joint_limits: bool = True,
 ) -> MaxSpeed:
     """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
@@ -3249,7 +3461,8 @@ def max_speed(
         orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
             `(N, 3, 3)`.
         q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
-        q0: Configuration near the start that fixes the branch; without it the fastest one that holds the path is taken.
+        q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest one that holds the path is
+            taken.
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
         velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
@@ -3293,9 +3506,9 @@ def fastest_profile(
     start_speed: float = 0.0,
     end_speed: float = 0.0,
     tool: _Pose | None = None,
-    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    torque_limits: Literal["chain"] | ArrayLike | None = "chain",
     velocity_limits: Literal["chain"] | ArrayLike | None = None,
-    gravity: Sequence[float] = ...,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
 ) -> SpeedProfile:
     """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
 
@@ -3316,7 +3529,13 @@ def fastest_profile(
 
 @final
 class OrientationPlan(Plan):
-    """A plan at constant tool speed with tilt and spin of the tool, one row per entry of `s`."""
+    """A plan at constant tool speed with tilt and spin of the tool, one row per entry of `s`.
+
+    The entries of `s` are at most 0.4 mm apart. `tilt` is the rotation vector in the path's frame, `spin` is about the
+    tool axis from the path's orientation. `status` is `converged`; `time_limit` or `cancelled` (the best so far);
+    `unreachable` or `infeasible` (no rows). With `unreachable`, `blocked` lists the path points that no configuration
+    reaches.
+    """
 
     @property
     def speed(self) -> float:
@@ -3326,7 +3545,7 @@ class OrientationPlan(Plan):
         """The same for the path's own orientation on the fastest branch, where it can be followed."""
     @property
     def s(self) -> NDArray[np.float64]:
-        """Arc lengths `(N,)`, m, at most 0.4 mm apart."""
+        """Arc length `(N,)` of each row, m."""
     @property
     def poses(self) -> NDArray[np.float64]:
         """Tool poses `(N, 4, 4)`."""
@@ -3335,13 +3554,13 @@ class OrientationPlan(Plan):
         """Joint torques `(N, n)` at `speed`, N m."""
     @property
     def tilt(self) -> NDArray[np.float64]:
-        """Tilt `(N, 2)`: rotation vector in the path's frame, its norm is the angle, rad."""
+        """Rotation vector `(N, 2)` of the swing across the tool axis, rad."""
     @property
     def spin(self) -> NDArray[np.float64]:
-        """Spin about the tool axis `(N,)`, rad, from the path's orientation, unwound."""
+        """Twist `(N,)` about the tool axis against the path's orientation, rad, continuous."""
     @property
     def status(self) -> Status:
-        """`converged`; `time_limit` or `cancelled` (the best so far); `unreachable` or `infeasible` (no rows)."""
+        """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
     @property
     def reason(self) -> str:
         """Why it is not `converged`; empty when it is."""
@@ -3359,7 +3578,7 @@ class OrientationPlan(Plan):
         """The row where that happens."""
     @property
     def blocked(self) -> list[int]:
-        """Path points that no configuration reaches, for status `unreachable`."""
+        """Points of the path without any configuration."""
     @property
     def starts(self) -> int:
         """Starts that could be followed."""
@@ -3380,25 +3599,27 @@ class ToolFreedom:
     The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
     swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
 
-        gun = rd.ToolFreedom(half_angle=np.deg2rad(20), spin="free")
+    Args:
+        half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
+        spin: Largest spin to either side of the path's orientation, rad, or `"free"`.
+        axis: Tool axis `(3,)` in the tool frame, of any length; z when left out.
+
+    Raises:
+        RedundancyError: An angle out of its range, an axis without length.
+
+    Example:
+        >>> import numpy as np
+        >>> import redundancy as rd
+        >>> rd.ToolFreedom(half_angle=np.deg2rad(20), spin="free").spin
+        'free'
     """
 
     def __new__(
         cls,
         half_angle: float = 0.0,
-        spin: Literal["free"] | float = ...,
+        spin: Literal["free"] | float = 0.0,
         axis: ArrayLike | None = None,
-    ) -> ToolFreedom:
-        """Make a freedom.
-
-        Args:
-            half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
-            spin: Largest spin to either side of the path's orientation, rad, or `"free"`. Default 0.
-            axis: Tool axis `(3,)` in the tool frame. Default z.
-
-        Raises:
-            RedundancyError: An angle out of its range, an axis without length.
-        """
+    ) -> ToolFreedom: ...
     @property
     def half_angle(self) -> float:
         """Largest angle between the tool axis and the path's, rad."""
@@ -3457,7 +3678,7 @@ class Plan(Trajectory):
         """
     @property
     def cost(self) -> float | None:
-        """What was minimised, summed over the path."""
+        """What was minimised, summed over the path, without a unit."""
     @property
     def reconfigurations(self) -> list[int]:
         """Rows before which the arm must change its configuration; none when `converged`."""
@@ -3507,6 +3728,9 @@ class Plan(Trajectory):
     def from_npz(path: str | PathLike[str]) -> Plan:
         """Read what `to_npz` wrote.
 
+        Args:
+            path: The file.
+
         Raises:
             RedundancyError: A file that cannot be read or holds no plan.
         """
@@ -3529,7 +3753,7 @@ def plan(
     criterion_weight: float = 1.0,
     joint_weights: ArrayLike | None = None,
     tool_speed: float | None = None,
-    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     speed_weights: ArrayLike | None = None,
     margin: float = 0.0,
     time_limit: float = 10.0,
@@ -3584,18 +3808,18 @@ def plan_orientation(
     chain: Chain,
     path: Path,
     half_angle: float,
-    spin: Literal["free"] | float = ...,
+    spin: Literal["free"] | float = "free",
     tool: _Pose | None = None,
-    torque_limits: Literal["chain"] | ArrayLike | None = ...,
+    torque_limits: Literal["chain"] | ArrayLike | None = "chain",
     torque_margin: float = 0.0,
-    velocity_limits: Literal["chain"] | ArrayLike | None = ...,
+    velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
     joint_limits: bool = True,
     max_rate: float | None = None,
     time_limit: float = 60.0,
     threads: int | None = None,
     *,
     orientation: ArrayLike | None = None,
-    gravity: Sequence[float] = ...,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
     progress: Callable[[float, float], object] | None = None,
 ) -> OrientationPlan:
     """Plan tilt and spin of the tool along a whole path for the highest constant tool speed.
@@ -3653,16 +3877,32 @@ class Cone:
     def __new__(cls, body_axis: ArrayLike, direction: ArrayLike, half_angle: float) -> Cone: ...
     @staticmethod
     def z(direction: ArrayLike, half_angle: float) -> Cone:
-        """Cone of the body z axis around `direction`."""
+        """Cone of the body z axis around `direction`.
+
+        Args:
+            direction: `(3,)`, world axes, of any length.
+            half_angle: rad, in (0, pi).
+        """
     @staticmethod
     def x(direction: ArrayLike, half_angle: float) -> Cone:
-        """Cone of the body x axis around `direction` [FromGravdahl2009, eq. (23)]."""
+        """Cone of the body x axis around `direction` [FromGravdahl2009, eq. (23)].
+
+        Args:
+            direction: `(3,)`, world axes, of any length.
+            half_angle: rad, in (0, pi).
+        """
     @staticmethod
     def downward(half_angle: float) -> Cone:
         """The body z axis within `half_angle` (rad) of -z [FromGravdahl2009, eq. (33)]."""
     @staticmethod
     def of_frame(frame: ArrayLike, axis: ArrayLike, half_angle: float) -> Cone:
-        """The body axis `axis` around the same axis of `frame` `(w, x, y, z)` [FromGravdahl2009, eq. (24)]."""
+        """The body axis `axis` around the same axis of `frame` `(w, x, y, z)` [FromGravdahl2009, eq. (24)].
+
+        Args:
+            frame: Unit quaternion `(4,)`.
+            axis: `(3,)`, body axes, of any length.
+            half_angle: rad, in (0, pi).
+        """
     @property
     def body_axis(self) -> NDArray[np.float64]:
         """Unit axis in the body frame, `(3,)`."""
@@ -3673,16 +3913,35 @@ class Cone:
     def half_angle(self) -> float:
         """Half-angle, rad."""
     def angle(self, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """Angle, rad in [0, pi], between the rotated body axis and the direction: a float, or `(N,)`."""
+        """Angle, rad in [0, pi], between the rotated body axis and the direction: a float, or `(N,)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """Smooth margin, positive inside: a float, or `(N,)` for a batch."""
+        """Smooth margin, positive inside: a float, or `(N,)` for a batch.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def gradient(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Gradient of the margin along rotation vectors in body axes, 1/rad: `(3,)` or `(N, 3)`.
 
         It is the derivative of `margin(q * exp(delta))` at `delta = 0`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
         """
     def hessian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-        """Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`."""
+        """Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def __and__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
         """The intersection with another set, an `OrientationSet`."""
     def __or__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
@@ -3719,7 +3978,13 @@ class Spin:
     def __new__(cls, reference: ArrayLike, max_angle: float, axis: ArrayLike | None = None) -> Spin: ...
     @staticmethod
     def about_world_axis(reference: ArrayLike, max_angle: float, axis: ArrayLike) -> Spin:
-        """The same about an axis given in the frame that `reference` is measured in."""
+        """The same about an axis given in the frame that `reference` is measured in.
+
+        Args:
+            reference: Unit quaternion `(4,)` from which the twist is measured.
+            max_angle: Largest twist to either side, rad.
+            axis: `(3,)`, of any length.
+        """
     @property
     def reference(self) -> NDArray[np.float64]:
         """Reference orientation `(w, x, y, z)`."""
@@ -3730,16 +3995,35 @@ class Spin:
     def axis(self) -> NDArray[np.float64]:
         """Unit axis in the body frame, `(3,)`."""
     def twist(self, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """Twist against the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`."""
+        """Twist against the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """Smooth margin, positive inside: a float, or `(N,)` for a batch."""
+        """Smooth margin, positive inside: a float, or `(N,)` for a batch.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def gradient(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Gradient of the margin along rotation vectors in body axes, 1/rad: `(3,)` or `(N, 3)`.
 
         It is the derivative of `margin(q * exp(delta))` at `delta = 0`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
         """
     def hessian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-        """Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`."""
+        """Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __getnewargs__(self) -> tuple[list[float], float, list[float]]: ...
@@ -3774,36 +4058,71 @@ class QuaternionVolume:
         """`Rx(alpha) Ry(beta) Rz(gamma)` with a range (low, high), rad, for each."""
     @staticmethod
     def single_axis(axis: ArrayLike, range: Sequence[float]) -> QuaternionVolume:
-        """Rotations about one axis by an angle in `range`, rad."""
+        """Rotations about one axis by an angle in `range`, rad.
+
+        Args:
+            axis: `(3,)`, of any length.
+            range: Least and largest angle, rad.
+        """
     @staticmethod
     def pyramid(half_x: float, half_y: float) -> QuaternionVolume:
-        """Tilts about x and y within half-angles (rad, below pi/2), the spin about z free."""
+        """Tilts about x and y within half-angles (rad, below pi/2), the spin about z free.
+
+        Args:
+            half_x: Half-angle of the tilt about x, rad.
+            half_y: Half-angle of the tilt about y, rad.
+        """
     @staticmethod
     def cone(axis: ArrayLike, half_angle: float, direction: ArrayLike | None = None) -> QuaternionVolume:
         """Orientations whose body axis `axis` is within `half_angle` (rad) of `direction`.
 
         Without `direction` it is `axis` itself, where the identity puts it. The cone around -z is then the one
         around z: for a tool z axis that points down give `cone([0, 0, 1], half_angle, [0, 0, -1])`.
+
+        Args:
+            axis: `(3,)`, body axes, of any length.
+            half_angle: rad.
+            direction: `(3,)`, of any length; `axis` when left out.
         """
     @staticmethod
     def from_axes(axes: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> QuaternionVolume:
-        """Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost."""
+        """Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost.
+
+        Args:
+            axes: `(k, 3)`, k from 1 to 3.
+            lower: `(k,)`, rad.
+            upper: `(k,)`, rad.
+        """
     @property
     def dimension(self) -> int:
         """Number of rotations; 3 for a cone."""
     def contains(self, q: ArrayLike, tol: float = 1e-9, *, threads: int | None = None) -> Any:
-        """Whether `q` is a member to `tol` (rad; for a cone in its margin's unit): a bool, or `(N,)`."""
+        """Whether `q` is a member to `tol` (rad; for a cone in its margin's unit): a bool, or `(N,)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            tol: How far outside still counts, rad, or in the margin's unit of a cone.
+            threads: Threads for a batch; all cores when left out.
+        """
     def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
         """Signed margin, >= 0 inside: a float, or `(N,)`.
 
         For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`; pi without any bound,
         and minus the angle (rad) from a set of fewer than three rotations when `q` is off it. With more than three
         rotations, which write `q` in a family of ways, of the way that stays farthest from the bounds (to 1e-9 rad).
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
         """
     def angles(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Angles of `q` in the sequence, rad, `(k,)` or `(N, k)`; for a cone the ZYZ angles seen from its axis.
 
         Of the ways to write `q` the one that stays farthest from the bounds.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
         """
     def at(self, angles: ArrayLike) -> NDArray[np.float64]:
         """The orientation `(w, x, y, z)` at the angles `(k,)`, rad; bounds are not applied."""
@@ -3812,11 +4131,25 @@ class QuaternionVolume:
 
         `z` is the rotated last axis (of a cone its axis), `psi` the rotation about it: with `q` it makes the pair
         (Q, V) of the paper.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
         """
     def nearest(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-        """The member nearest to `q`, on its side of the double cover: `(4,)` or `(N, 4)`."""
+        """The member nearest to `q`, on its side of the double cover: `(4,)` or `(N, 4)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def reoriented(self, p: ArrayLike, side: Literal["left", "right"] = "left") -> QuaternionVolume:
-        """`P * V` (left: the set moves in the reference frame) or `V * P` (right: another body frame)."""
+        """`P * V` (left: the set moves in the reference frame) or `V * P` (right: another body frame).
+
+        Args:
+            p: Unit quaternion `(4,)`.
+            side: `"left"` or `"right"`.
+        """
     def sample(self, n: int, seed: int = 0) -> NDArray[np.float64]:
         """`n` members `(n, 4)`, uniform with respect to the invariant measure; the same seed, the same bits."""
     def cross_section(self, distance: float, along: Literal["tool", "normal"] = "tool") -> CrossSection:
@@ -4027,13 +4360,31 @@ class OrientationOptimizer:
         exception.
         """
     def value(self, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """The sum at `q`, infinite outside: a float, or `(N,)`."""
+        """The sum at `q`, infinite outside: a float, or `(N,)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def margins(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-        """The margins at `q` in the order of the constraints: `(k,)` or `(N, k)`."""
+        """The margins at `q` in the order of the constraints: `(k,)` or `(N, k)`.
+
+        Args:
+            q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+            threads: Threads for a batch; all cores when left out.
+        """
     def gradient(self, q: ArrayLike) -> NDArray[np.float64]:
-        """Gradient of the sum along rotation vectors in body axes, 1/rad, `(3,)`. Raises outside."""
+        """Gradient of the sum along rotation vectors in body axes, 1/rad, `(3,)`. Raises outside.
+
+        Args:
+            q: Unit quaternion `(4,)`.
+        """
     def hessian(self, q: ArrayLike) -> NDArray[np.float64]:
-        """Hessian of the sum along rotation vectors in body axes, 1/rad^2, `(3, 3)`. Raises outside."""
+        """Hessian of the sum along rotation vectors in body axes, 1/rad^2, `(3, 3)`. Raises outside.
+
+        Args:
+            q: Unit quaternion `(4,)`.
+        """
     def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
 
 @final
@@ -4045,7 +4396,7 @@ class OrientationSolution:
         """Orientation `(w, x, y, z)`; when infeasible the one that exceeds the constraints least."""
     @property
     def value(self) -> float:
-        """Sum of weight x barrier; infinite when infeasible."""
+        """Sum of weight x barrier, without a unit; infinite when infeasible."""
     @property
     def status(self) -> Status:
         """`converged`, `infeasible`, `iteration_limit` or `singular` (the spin is undefined at the minimum)."""
@@ -4151,61 +4502,166 @@ def pose(
     """
 
 def quaternion_product(a: ArrayLike, b: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """`a * b`: the rotation b and then, about axes that stand, a. `(4,)` or `(N, 4)` each; one counts for many."""
+    """`a * b`: the rotation b and then, about axes that stand, a. `(4,)` or `(N, 4)` each; one counts for many.
+
+    Args:
+        a: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+        b: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+        threads: Threads for a batch; all cores when left out.
+    """
 
 def quaternion_conjugate(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """`(w, -x, -y, -z)`, the inverse rotation, of `(4,)` or `(N, 4)`."""
+    """`(w, -x, -y, -z)`, the inverse rotation, of `(4,)` or `(N, 4)`.
+
+    Args:
+        q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+        threads: Threads for a batch; all cores when left out.
+    """
 
 def quaternion_rotate(q: ArrayLike, v: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """Vectors `(3,)` or `(N, 3)` turned by `(4,)` or `(N, 4)`; one counts for many."""
+    """Vectors `(3,)` or `(N, 3)` turned by `(4,)` or `(N, 4)`; one counts for many.
+
+    Args:
+        q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+        v: `(3,)` or `(N, 3)`, any unit.
+        threads: Threads for a batch; all cores when left out.
+    """
 
 def quaternion_from_axis_angle(
     axis: ArrayLike, angle: ArrayLike, *, threads: int | None = None
 ) -> NDArray[np.float64]:
-    """Rotation by `angle`, rad, a number or `(N,)`, about `axis` `(3,)` or `(N, 3)` of any length."""
+    """Rotation by `angle`, rad, a number or `(N,)`, about `axis` `(3,)` or `(N, 3)` of any length.
+
+    Args:
+        axis: `(3,)` or `(N, 3)`, of any length.
+        angle: A number or `(N,)`, rad.
+        threads: Threads for a batch; all cores when left out.
+    """
 
 def quaternion_to_axis_angle(q: ArrayLike, *, threads: int | None = None) -> tuple[NDArray[np.float64], Any]:
-    """Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of no rotation is z."""
+    """Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of no rotation is z.
+
+    Args:
+        q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+        threads: Threads for a batch; all cores when left out.
+    """
 
 def quaternion_from_matrix(matrix: ArrayLike | Any, *, threads: int | None = None) -> NDArray[np.float64]:
     """Quaternion with a scalar part >= 0 of a rotation `(3, 3)` or `(N, 3, 3)`, or of an object with `as_matrix()`.
 
     A matrix that is off by up to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest
     rotation.
+
+    Args:
+        matrix: Rotations `(3, 3)` or `(N, 3, 3)`.
+        threads: Threads for a batch; all cores when left out.
     """
 
 def quaternion_to_matrix(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """Rotation matrix `(3, 3)` of `(4,)`, or `(N, 3, 3)` of `(N, 4)`."""
+    """Rotation matrix `(3, 3)` of `(4,)`, or `(N, 3, 3)` of `(N, 4)`.
+
+    Args:
+        q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+        threads: Threads for a batch; all cores when left out.
+    """
 
 def quaternion_from_zyz(angles: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """`Rz(a) Ry(b) Rz(c)` of angles `(3,)` or `(N, 3)`, rad, as `(w, x, y, z)`."""
+    """`Rz(a) Ry(b) Rz(c)` as a quaternion `(w, x, y, z)`.
+
+    Args:
+        angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
+        threads: Threads for a batch; all cores when left out.
+
+    Returns:
+        `(4,)` or `(N, 4)`.
+    """
 
 def quaternion_to_zyz(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """Angles of `Rz(a) Ry(b) Rz(c)`, rad, b in [0, pi]; where b is 0 or pi, a = 0."""
+    """Angles of `Rz(a) Ry(b) Rz(c)`, rad, b in [0, pi]; where b is 0 or pi, a = 0.
+
+    Args:
+        q: Unit quaternions `(4,)` or `(N, 4)`.
+        threads: Threads for a batch; all cores when left out.
+
+    Returns:
+        `(3,)` or `(N, 3)`, rad.
+    """
 
 def quaternion_from_xyz(angles: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """`Rx(a) Ry(b) Rz(c)` of angles `(3,)` or `(N, 3)`, rad, as `(w, x, y, z)`."""
+    """`Rx(a) Ry(b) Rz(c)` as a quaternion `(w, x, y, z)`.
+
+    Args:
+        angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
+        threads: Threads for a batch; all cores when left out.
+
+    Returns:
+        `(4,)` or `(N, 4)`.
+    """
 
 def quaternion_to_xyz(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """Angles of `Rx(a) Ry(b) Rz(c)`, rad, b in [-pi/2, pi/2]; where b is +-pi/2, a = 0."""
+    """Angles of `Rx(a) Ry(b) Rz(c)`, rad, b in [-pi/2, pi/2]; where b is +-pi/2, a = 0.
+
+    Args:
+        q: Unit quaternions `(4,)` or `(N, 4)`.
+        threads: Threads for a batch; all cores when left out.
+
+    Returns:
+        `(3,)` or `(N, 3)`, rad.
+    """
 
 def quaternion_from_rpy(angles: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """`Rz(phi) Ry(theta) Rx(psi)` of angles (phi, theta, psi), rad, as `(w, x, y, z)`."""
+    """`Rz(phi) Ry(theta) Rx(psi)` as a quaternion `(w, x, y, z)`.
+
+    Args:
+        angles: `(3,)` or `(N, 3)` angles (phi, theta, psi), rad.
+        threads: Threads for a batch; all cores when left out.
+
+    Returns:
+        `(4,)` or `(N, 4)`.
+    """
 
 def quaternion_to_rpy(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """Angles (phi, theta, psi) of `Rz(phi) Ry(theta) Rx(psi)`, rad; where theta is +-pi/2, psi = 0."""
+    """Angles (phi, theta, psi) of `Rz(phi) Ry(theta) Rx(psi)`, rad; where theta is +-pi/2, psi = 0.
+
+    Args:
+        q: Unit quaternions `(4,)` or `(N, 4)`.
+        threads: Threads for a batch; all cores when left out.
+
+    Returns:
+        `(3,)` or `(N, 3)`, rad.
+    """
 
 def quaternion_swing_twist(q: ArrayLike, axis: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`(swing, twist)` with `q = swing * twist`, the twist about `axis`; at half a turn of swing the identity."""
+    """`(swing, twist)` with `q = swing * twist`, the twist about `axis`; at half a turn of swing the identity.
+
+    Args:
+        q: Unit quaternion `(4,)`.
+        axis: `(3,)`, of any length.
+    """
 
 def quaternion_shortest_arc(start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
-    """The least rotation from one direction to another; between antipodes half a turn, for z about y."""
+    """The least rotation from one direction to another; between antipodes half a turn, for z about y.
+
+    Args:
+        start: `(3,)`, of any length.
+        end: `(3,)`, of any length.
+    """
 
 def quaternion_error(start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
-    """`conj(start) * end` with a scalar part >= 0 [FromGravdahl2009, eq. (8), on the shorter side of the cover]."""
+    """`conj(start) * end` with a scalar part >= 0 [FromGravdahl2009, eq. (8), on the shorter side of the cover].
+
+    Args:
+        start: Unit quaternion `(4,)`.
+        end: Unit quaternion `(4,)`.
+    """
 
 def quaternion_angle(a: ArrayLike, b: ArrayLike) -> float:
-    """Angle, rad in [0, pi], of the rotation between two orientations."""
+    """Angle, rad in [0, pi], of the rotation between two orientations.
+
+    Args:
+        a: Unit quaternion `(4,)`.
+        b: Unit quaternion `(4,)`.
+    """
 
 # Optimum: what kind it is, and where it breaks -------------------------------------------------------------------
 
@@ -4238,7 +4694,7 @@ class Classification:
 
     @property
     def sigma_min(self) -> float:
-        """Smallest singular value of the task Jacobian."""
+        """Smallest singular value of the task Jacobian (unit: m or 1 by its rows)."""
 
     @classmethod
     def _from_parts(
@@ -4248,7 +4704,30 @@ class Classification:
 @overload
 def classify(
     chain: Chain, q: list[float] | tuple[float, ...], criterion: Criterion, task: str | Task | None = None
-) -> Classification: ...
+) -> Classification:
+    """What `q` is to `criterion` among the configurations with the same task value.
+
+    With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
+    `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
+    at critical points]. Any chain, task and degree of redundancy.
+
+    Args:
+        chain: The arm.
+        q: `(n,)`, or `(N, n)` for a list of results.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
+
+    Raises:
+        RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("planar3r")
+        >>> near = rd.Posture(arm, [0.3, 0.5, 0.7])
+        >>> str(rd.classify(arm, [0.3, 0.5, 0.7], near, task="planar").kind)
+        'minimum'
+    """
+
 @overload
 def classify(chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None) -> Any:
     """What `q` is to `criterion` among the configurations with the same task value.
@@ -4284,7 +4763,7 @@ class CriticalPoint:
 
     @property
     def value(self) -> float:
-        """h(q)."""
+        """h(q), in the criterion's own unit."""
 
     @property
     def within_limits(self) -> bool:
@@ -4304,11 +4783,11 @@ class CriticalPoint:
 
     @property
     def residual(self) -> float:
-        """As of `Classification`."""
+        """The same as `Classification.residual`."""
 
     @property
     def sigma_min(self) -> float:
-        """As of `Classification`."""
+        """The same as `Classification.sigma_min`."""
 
     @classmethod
     def _from_parts(
@@ -4367,7 +4846,7 @@ class CofactorCondition:
 
     @property
     def mu(self) -> float:
-        """`n . grad h`: zero at critical points."""
+        """`n . grad h`, in the criterion's unit per rad: zero at critical points."""
 
     @property
     def condition(self) -> float:
@@ -4377,6 +4856,12 @@ def cofactor_condition(
     chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None
 ) -> CofactorCondition:
     """The paper's own n, mu and A at `q`, for tasks that leave one spare freedom.
+
+    Args:
+        chain: The arm.
+        q: Joint positions `(n,)`, rad or m.
+        criterion: What is small or large.
+        task: Which coordinates are held; default the pose.
 
     Raises:
         RedundancyError: a task that leaves another number of freedoms, a wrong length, entries that are not finite.
@@ -4417,7 +4902,7 @@ class SelfMotionCurve:
 
     @property
     def length(self) -> float:
-        """Length of the curve."""
+        """Length of the curve in joint space, rad or m."""
 
     @property
     def closed(self) -> bool:
@@ -4507,6 +4992,15 @@ def self_motion_curves(
 
     On S-R-S arms the circles of the closed form: all there are. On other arms curves through the configurations that
     Newton's method finds from random starts. Arguments as of `trace_self_motion` and `constrained_optima`.
+
+    Args:
+        chain: The arm.
+        pose: `(4, 4)` or SE3-like, or what the task holds of it.
+        task: Which coordinates are held; default the pose.
+        seed: Decides the random starts.
+        starts: Their number.
+        step: Distance of rows in joint space, as of `trace_self_motion`.
+        max_rows: Most rows of a curve.
 
     Raises:
         RedundancyError: an invalid pose, not exactly one spare freedom, invalid settings.
@@ -4642,7 +5136,7 @@ class RankedStart:
 
     @property
     def value(self) -> float:
-        """h(q)."""
+        """h(q), in the criterion's own unit."""
 
     @property
     def kind(self) -> Kind:
@@ -4728,7 +5222,7 @@ class SingularPoint:
 
     @property
     def residual(self) -> float:
-        """What is left of `mu = 0` and of the least eigenvalue, relative to gradient and curvature of the criterion."""
+        """What is left of `mu = 0` and of the least eigenvalue: ratio to gradient and curvature of the criterion."""
 
     @property
     def first_joint_free(self) -> bool:
@@ -4836,6 +5330,11 @@ def singularity_distance(chain: Chain, q: ArrayLike, points: list[SingularPoint]
     """Distance in joint space of `q` `(n,)` or `(N, n)` from the nearest of `points`, revolute joints the short way.
 
     The first joint is left out where it is free for all points.
+
+    Args:
+        chain: The arm.
+        q: Joint positions `(n,)` or `(N, n)`, rad or m.
+        points: What `algorithmic_singularities` returns.
 
     Raises:
         RedundancyError: no points, a wrong length, entries that are not finite.

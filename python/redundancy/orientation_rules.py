@@ -29,12 +29,20 @@ Spin = Literal["pointing", "constant"]
 
 
 def constant(*, orientation: ArrayLike | None = None) -> OrientationRule:
-    """One orientation everywhere."""
+    """One orientation everywhere.
+
+    Args:
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+    """
     return OrientationRule("constant", orientation=orientation)
 
 
 def pointing(*, orientation: ArrayLike | None = None) -> OrientationRule:
-    """The tool turns about its axis by `atan2(y, x)` [FromGravdahl2007, section 6]."""
+    """The tool turns about its axis by `atan2(y, x)` [FromGravdahl2007, section 6].
+
+    Args:
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+    """
     return OrientationRule("pointing", orientation=orientation)
 
 
@@ -49,6 +57,13 @@ def tilt_square(
     """The tool leans by up to `angle` (rad) along x and along y, so that the wrist stays near the centre.
 
     [FromGravdahl2007, sections 7 and 8]: `Rx(e_y) Ry(-e_x)` with leans in proportion to the offset from the centre.
+
+    Args:
+        angle: Largest lean, rad.
+        spin: `"pointing"`: the tool turns about its axis as by `pointing`; `"constant"`: it does not.
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        center: Centre of the surface (x, y), m; that of the positions when left out.
+        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
     """
     return OrientationRule(
         "tilt_square",
@@ -68,7 +83,15 @@ def tilt_disc(
     center: Sequence[float] | None = None,
     radius: float | None = None,
 ) -> OrientationRule:
-    """The tool leans by up to `angle` (rad) towards its offset from the centre [FromGravdahl2007, section 8]."""
+    """The tool leans by up to `angle` (rad) towards its offset from the centre [FromGravdahl2007, section 8].
+
+    Args:
+        angle: Largest lean, rad.
+        spin: `"pointing"`: the tool turns about its axis as by `pointing`; `"constant"`: it does not.
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        center: Centre of the surface (x, y), m; that of the positions when left out.
+        radius: Radius of the surface, m; that of the positions when left out.
+    """
     return OrientationRule(
         "tilt_disc", angle=angle, spin=spin, orientation=orientation, center=center, radius=radius
     )
@@ -93,9 +116,9 @@ def barrier_cone(
         k_err: Weight of the first barrier.
         k_tcp: Weight of the second barrier.
         distance: Height (m) of that point above the centre.
-        orientation: Orientation of a tool without freedom.
-        center: Centre of the surface (x, y), m.
-        half_extents: Half the sides of the surface, m.
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        center: Centre of the surface (x, y), m; that of the positions when left out.
+        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
     """
     return _barrier("barrier_cone", beta, alpha, k_err, k_tcp, distance, orientation, center, half_extents)
 
@@ -113,7 +136,20 @@ def barrier_two_cones(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """As `barrier_cone`, with a cone (`gamma`, `k_x`) for the tool's x: V2 of [FromGravdahl2009]."""
+    """As `barrier_cone`, with a cone (`gamma`, `k_x`) for the tool's x: V2 of [FromGravdahl2009].
+
+    Args:
+        beta: Half-angle (rad) of the cone around the tool axis without freedom.
+        alpha: Half-angle (rad) of the cone around the direction from above the centre to the position.
+        gamma: Half-angle (rad) of the cone for the tool's x axis.
+        k_err: Weight of the first barrier.
+        k_tcp: Weight of the second barrier.
+        k_x: Weight of the barrier of the tool's x axis.
+        distance: Height (m) of that point above the centre.
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        center: Centre of the surface (x, y), m; that of the positions when left out.
+        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
+    """
     return _barrier(
         "barrier_two_cones",
         beta,
@@ -140,7 +176,18 @@ def barrier_spin(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """The axis of `barrier_cone` without twist against the pointing frame: V3 of [FromGravdahl2009]."""
+    """The axis of `barrier_cone` without twist against the pointing frame: V3 of [FromGravdahl2009].
+
+    Args:
+        beta: Half-angle (rad) of the cone around the tool axis without freedom.
+        alpha: Half-angle (rad) of the cone around the direction from above the centre to the position.
+        k_err: Weight of the first barrier.
+        k_tcp: Weight of the second barrier.
+        distance: Height (m) of that point above the centre.
+        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        center: Centre of the surface (x, y), m; that of the positions when left out.
+        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
+    """
     return _barrier("barrier_spin", beta, alpha, k_err, k_tcp, distance, orientation, center, half_extents)
 
 

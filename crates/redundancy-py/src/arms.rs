@@ -22,7 +22,23 @@ const BLOCK: usize = 16_384;
 /// The same for searches.
 const SEARCH_BLOCK: usize = 512;
 
-/// A six-joint arm with a spherical wrist and its closed-form inverse kinematics.
+/// A six-joint arm with a spherical wrist and its closed-form inverse kinematics: PUMA, ABB, KUKA, Fanuc, Staubli.
+///
+/// The arm is recognised from its geometry alone: axes 4, 5, 6 meet at right angles, axes 2 and 3 are parallel, axis 1
+/// is perpendicular to them. Base, tool, axis signs, joint zeros, shoulder, elbow and lateral offsets do not matter.
+///
+/// Args:
+///     chain: Six turning joints.
+///
+/// Raises:
+///     NotSphericalWristError: Which axes are wrong and by how many mm or mrad.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.SphericalWristArm(rd.catalog.load("puma560"))
+///     >>> pose = arm.chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7])
+///     >>> arm.solve(pose, limits=False).shape
+///     (8, 6)
 #[pyclass(name = "SphericalWristArm", module = "redundancy", frozen)]
 pub struct PySphericalWristArm {
     pub arm: SphericalWristArm,
@@ -43,25 +59,25 @@ impl PySphericalWristArm {
         self.chain.clone_ref(py)
     }
 
-    /// `spherical_wrist`.
+    /// `"spherical_wrist"`.
     #[getter]
     fn name(&self) -> &'static str {
         ClosedForm::name(&self.arm)
     }
 
-    /// `None`: the configurations are isolated.
+    /// `None`: the configurations over a pose are isolated.
     #[getter]
     fn parameter(&self) -> Option<&'static str> {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one: (metres, radians).
+    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         pair(self.arm.defect())
     }
 
-    /// Lengths of upper arm and forearm, m.
+    /// Upper arm and forearm, m: axis 2 to axis 3, axis 3 to the wrist centre.
     #[getter]
     fn lengths(&self) -> (f64, f64) {
         let [upper, fore] = self.arm.lengths();
@@ -74,13 +90,22 @@ impl PySphericalWristArm {
         self.arm.shoulder_offset()
     }
 
-    /// Distance of the wrist centre from the plane of the arm through axis 1, m.
+    /// Distance of the wrist centre from the plane through axis 1 perpendicular to axis 2, m.
     #[getter]
     fn lateral_offset(&self) -> f64 {
         self.arm.lateral_offset()
     }
 
-    /// Configurations over a pose.
+    /// Configurations over a pose, `(k, 6)`, in branch order.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like.
+    ///     limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
+    ///         principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
+    ///
+    /// Returns:
+    ///     `(0, 6)` when there is none: `configurations(pose).reason` says why. A wrist at its gimbal shares the sum
+    ///     of joints 4 and 6 with joint 4 as near to 0 as the limits allow; so does joint 1 where it is free.
     #[pyo3(signature = (pose, limits=true))]
     fn solve<'py>(
         &self,
@@ -92,7 +117,12 @@ impl PySphericalWristArm {
         to_array(py, rows.as_flattened(), [rows.len(), 6])
     }
 
-    /// All branches over many poses.
+    /// All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
+    ///     limits: Whether only those within the joint limits are valid.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, limits=true, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -104,7 +134,16 @@ impl PySphericalWristArm {
         solve_batch::<6>(py, poses, threads, |_, data, q, valid| self.arm.solve_batch(data, limits, q, valid))
     }
 
-    /// The configuration over the pose nearest to `q`.
+    /// The configuration over the pose within limits with the least distance to `q`, windings included.
+    ///
+    /// `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
+    /// `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
+    /// they stay near `q`.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+    ///     q: `(6,)`, or `(N, 6)` for many poses, rad.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -121,13 +160,19 @@ impl PySphericalWristArm {
         nearest_batch(py, pose, q, threads, BLOCK, |poses, q| self.arm.nearest_batch(poses, q)).map(Some)
     }
 
-    /// Every configuration over a pose, with the reason where there is none.
+    /// Every configuration over a pose within the limits; where there is none, the reason.
     fn configurations(&self, pose: &Bound<'_, PyAny>) -> PyResult<PyConfigurations> {
         let all = self.arm.configurations(&read_pose(pose)?).map_err(to_py)?;
         Ok(PyConfigurations { all })
     }
 
-    /// Signs (shoulder, elbow, wrist) of a configuration.
+    /// Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
+    ///
+    /// Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the wrist centre is on
+    /// the side of axis 1 on which axis 2 passes.
+    ///
+    /// Args:
+    ///     q: Joint positions `(6,)` or `(N, 6)`, rad.
     fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         branch_signs(py, q, |q| self.arm.branch(q))
     }
@@ -148,7 +193,7 @@ impl PySphericalWristArm {
     }
 }
 
-/// Every configuration over one pose.
+/// Every configuration of a `SphericalWristArm` over one pose.
 #[pyclass(name = "Configurations", module = "redundancy", frozen)]
 pub struct PyConfigurations {
     all: Configurations,
@@ -156,37 +201,40 @@ pub struct PyConfigurations {
 
 #[pymethods]
 impl PyConfigurations {
-    /// `converged`, `limits` or `unreachable`.
+    /// `converged`, `unreachable` (no configuration) or `limits` (none within the joint limits).
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.all.status)
     }
 
-    /// Why there is none, with the number; empty when there is one.
+    /// Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty.
     #[getter]
     fn reason(&self) -> &str {
         &self.all.reason
     }
 
-    /// Whether status and branches say everything.
+    /// Status and branches are exact.
+    ///
+    /// False for an arm with a defect above 1e-9, and where the pose leaves a joint free (wrist centre on axis 1, wrist
+    /// at its gimbal).
     #[getter]
     fn proven(&self) -> bool {
         self.all.proven()
     }
 
-    /// Distance of the wrist centre from what it can reach, m.
+    /// Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach.
     #[getter]
     fn distance(&self) -> f64 {
         self.all.distance
     }
 
-    /// `(k, 6)`, in branch order.
+    /// Within the limits, `(k, 6)`, in branch order.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_array(py, self.all.q.as_flattened(), [self.all.q.len(), 6])
     }
 
-    /// `(k, 3)` signs (shoulder, elbow, wrist).
+    /// Their signs (shoulder, elbow, wrist), `(k, 3)`.
     #[getter]
     fn branches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i8>>> {
         let signs: Vec<[i8; 3]> = self.all.branches.iter().map(|b| signs_of(*b)).collect();
@@ -201,7 +249,25 @@ impl PyConfigurations {
     }
 }
 
-/// A six-joint arm with three parallel axes and its closed-form inverse kinematics.
+/// A six-joint arm whose axes 2, 3 and 4 are parallel, and its closed-form inverse kinematics: UR3 to UR30, Z1.
+///
+/// The arm is recognised from its geometry alone: axes 2, 3, 4 are parallel, axes 5 and 6 meet. Base, tool, axis signs,
+/// joint zeros, offsets and the other angles between the axes do not matter.
+///
+/// Args:
+///     chain: Six turning joints.
+///
+/// Raises:
+///     NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
+///
+/// Example:
+///     >>> import numpy as np
+///     >>> import redundancy as rd
+///     >>> rows = [[0, .16, np.pi / 2, 0], [-.6, 0, 0, 0], [-.57, 0, 0, 0],
+///     ...         [0, .17, np.pi / 2, 0], [0, .12, -np.pi / 2, 0], [0, .11, 0, 0]]
+///     >>> arm = rd.ParallelAxesArm(rd.Chain.from_dh(rows))
+///     >>> arm.solve(arm.chain.forward([0.3, -1.5, 1.2, 1.1, 0.4, 0.7])).shape
+///     (8, 6)
 #[pyclass(name = "ParallelAxesArm", module = "redundancy", frozen)]
 pub struct PyParallelAxesArm {
     pub arm: ParallelAxesArm,
@@ -222,32 +288,42 @@ impl PyParallelAxesArm {
         self.chain.clone_ref(py)
     }
 
-    /// `parallel_axes`.
+    /// `"parallel_axes"`.
     #[getter]
     fn name(&self) -> &'static str {
         ClosedForm::name(&self.arm)
     }
 
-    /// `None`: the configurations are isolated.
+    /// `None`: the configurations over a pose are isolated.
     #[getter]
     fn parameter(&self) -> Option<&'static str> {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one: (metres, radians).
+    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         pair(self.arm.defect())
     }
 
-    /// Lengths of upper arm and forearm, m.
+    /// Upper arm and forearm, m: axis 2 to axis 3, axis 3 to axis 4.
     #[getter]
     fn lengths(&self) -> (f64, f64) {
         let [upper, fore] = self.arm.lengths();
         (upper, fore)
     }
 
-    /// Configurations over a pose.
+    /// Configurations over a pose, `(k, 6)`, in branch order.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like.
+    ///     limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones, at
+    ///         most 8, in principal values.
+    ///
+    /// Returns:
+    ///     `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. Where the last axis is along the
+    ///     parallel ones, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
+    ///     answers of an arm with a defect are polished by Newton's method.
     #[pyo3(signature = (pose, limits=true))]
     fn solve<'py>(
         &self,
@@ -259,7 +335,12 @@ impl PyParallelAxesArm {
         to_array(py, rows.as_flattened(), [rows.len(), 6])
     }
 
-    /// All branches over many poses.
+    /// All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
+    ///     limits: Whether only those within the joint limits are valid.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, limits=true, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -271,7 +352,15 @@ impl PyParallelAxesArm {
         solve_batch::<6>(py, poses, threads, |_, data, q, valid| self.arm.solve_batch(data, limits, q, valid))
     }
 
-    /// The configuration over the pose nearest to `q`.
+    /// The configuration over the pose within limits with the least distance to `q`, windings included.
+    ///
+    /// `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
+    /// `(N, 6)` and `valid` `(N,)`. Where the pose leaves joint 1 or joint 6 free it stays near `q`.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+    ///     q: `(6,)`, or `(N, 6)` for many poses, rad.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -288,7 +377,13 @@ impl PyParallelAxesArm {
         nearest_batch(py, pose, q, threads, BLOCK, |poses, q| self.arm.nearest_batch(poses, q)).map(Some)
     }
 
-    /// Signs (shoulder, elbow, wrist) of a configuration.
+    /// Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
+    ///
+    /// Branch order is `4 [shoulder < 0] + 2 [elbow < 0] + [wrist < 0]`. The shoulder is + when the point where axes 5
+    /// and 6 meet is in front of axis 1, looking along the parallel axes from its side of axis 1.
+    ///
+    /// Args:
+    ///     q: Joint positions `(6,)` or `(N, 6)`, rad.
     fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         branch_signs(py, q, |q| self.arm.branch(q))
     }
@@ -306,7 +401,24 @@ impl PyParallelAxesArm {
     }
 }
 
-/// A seven-joint arm of the Panda class and its closed-form inverse kinematics.
+/// A seven-joint arm with a spherical shoulder whose last axis passes the wrist: Panda, FR3, xArm7, GEN72.
+///
+/// The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does not
+/// pass that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not matter. The set of
+/// configurations over a pose, curves of joint 7 with their arcs within the joint limits, is `rd.solutions(arm, pose)`.
+///
+/// Args:
+///     chain: Seven turning joints.
+///
+/// Raises:
+///     NotPandaClassError: Which axes are wrong and by how many mm or mrad.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.PandaClassArm(rd.catalog.load("panda"))
+///     >>> pose = arm.chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9])
+///     >>> arm.solve(pose, q7=-0.9).shape
+///     (3, 7)
 #[pyclass(name = "PandaClassArm", module = "redundancy", frozen)]
 pub struct PyPandaClassArm {
     pub arm: PandaClassArm,
@@ -327,32 +439,42 @@ impl PyPandaClassArm {
         self.chain.clone_ref(py)
     }
 
-    /// `panda_class`.
+    /// `"panda_class"`.
     #[getter]
     fn name(&self) -> &'static str {
         ClosedForm::name(&self.arm)
     }
 
-    /// `q7`.
+    /// `"q7"`.
     #[getter]
     fn parameter(&self) -> Option<&'static str> {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one: (metres, radians).
+    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         pair(self.arm.defect())
     }
 
-    /// Distances of shoulder and wrist from axis 4, and of the wrist from axis 7, m.
+    /// Distances of the shoulder's and the wrist's centre from axis 4, and of the latter from axis 7, m.
     #[getter]
     fn lengths(&self) -> (f64, f64, f64) {
         let [upper, fore, hand] = self.arm.lengths();
         (upper, fore, hand)
     }
 
-    /// Configurations over a pose at a joint 7.
+    /// Configurations over a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like.
+    ///     q7: rad.
+    ///     limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
+    ///         principal values.
+    ///
+    /// Returns:
+    ///     In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this joint
+    ///     7. The answers of an arm with a defect are polished by Newton's method.
     #[pyo3(signature = (pose, q7, limits=true))]
     fn solve<'py>(
         &self,
@@ -365,7 +487,13 @@ impl PyPandaClassArm {
         to_array(py, rows.as_flattened(), [rows.len(), 7])
     }
 
-    /// All configurations over many poses.
+    /// All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
+    ///     q7: Joint 7: a number or `(N,)`, rad.
+    ///     limits: Whether only those within the joint limits are valid.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, q7, limits=true, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -385,7 +513,15 @@ impl PyPandaClassArm {
         })
     }
 
-    /// The configuration over the pose nearest to `q`.
+    /// The configuration over the pose within limits with the least distance to `q`, windings included.
+    ///
+    /// `(7,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 7)`, a `SolveBatch` with `q`
+    /// `(N, 7)` and `valid` `(N,)`.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+    ///     q: `(7,)`, or `(N, 7)` for many poses, rad.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,

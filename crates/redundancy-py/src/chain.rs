@@ -21,11 +21,25 @@ use crate::convert::{
     read_rows, read_vector, to_array,
 };
 use crate::error::to_py;
+use crate::html;
 
 /// Rows between two looks at Ctrl-C: some milliseconds.
 const BLOCK: usize = 16_384;
 
-/// An arm: joints from base to tip, limits, base and tool. Immutable.
+/// An arm: joints from base to tip, limits, base and tool.
+///
+/// Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite.
+/// `q` is `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too.
+/// Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up
+/// to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest one, beyond that the pose is
+/// refused.
+///
+/// Example:
+///     >>> import numpy as np
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("pa10")
+///     >>> round(float(arm.forward(np.zeros(7))[2, 3]), 6)
+///     1.345
 #[pyclass(name = "Chain", module = "redundancy", frozen, eq)]
 pub struct PyChain {
     pub chain: Chain,
@@ -132,7 +146,24 @@ impl PyChain {
 
 #[pymethods]
 impl PyChain {
-    /// A chain from a URDF file.
+    /// Read the way from a base link to a tip link out of a URDF file.
+    ///
+    /// The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from the
+    /// top of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they are
+    /// in order from the base, and each body goes with the joint before it. Fixed joints are folded, numbers are used
+    /// as they are, a velocity or effort of 0 means none.
+    ///
+    /// Args:
+    ///     path: The file.
+    ///     base: Base link; may be left out when there is one root (or one above `tip`).
+    ///     tip: Tip link; may be left out when there is one leaf (below `base`).
+    ///     missing_limits: What to do with a revolute or prismatic joint without `<limit>`.
+    ///
+    /// Raises:
+    ///     OSError: The file cannot be opened.
+    ///     DescriptionError: Malformed XML, no common ancestor of base and tip (both roots are named), joints that
+    ///         mimic, float or move in a plane, names used twice, missing or inverted limits.
+    ///     RedundancyError: An unknown link (the names are listed), numbers that are not finite, a zero axis.
     #[staticmethod]
     #[pyo3(signature = (path, base=None, tip=None, missing_limits="error"))]
     fn from_urdf(
@@ -151,7 +182,13 @@ impl PyChain {
         chain.map(Self::from).map_err(to_py)
     }
 
-    /// A chain from the text of a URDF.
+    /// Read a chain out of the text of a URDF; see `from_urdf`.
+    ///
+    /// Args:
+    ///     xml: Text of the URDF.
+    ///     base: Base link, as in `from_urdf`.
+    ///     tip: Tip link, as in `from_urdf`.
+    ///     missing_limits: What to do with a revolute or prismatic joint without `<limit>`.
     #[staticmethod]
     #[pyo3(signature = (xml, base=None, tip=None, missing_limits="error"))]
     fn from_urdf_string(
@@ -166,7 +203,28 @@ impl PyChain {
         chain.map(Self::from).map_err(to_py)
     }
 
-    /// A chain from Denavit-Hartenberg rows.
+    /// Build a chain of revolute joints from Denavit-Hartenberg rows.
+    ///
+    /// Standard (distal): `T_i = Rz(theta + q) Tz(d) Tx(a) Rx(alpha)`.
+    /// Modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + q) Tz(d)`.
+    ///
+    /// Args:
+    ///     rows: `(n, 4)`: a (m), d (m), alpha (rad), offset theta (rad); one joint is `[[a, d, alpha, theta]]`.
+    ///     convention: Which frame the rows describe.
+    ///     base: _Pose of frame 0 in the world.
+    ///     tool: _Pose of the tool in the last frame.
+    ///     names: Joint names; `joint1`, `joint2`, ... when left out.
+    ///     lower: `(n,)` lower position limits, rad; `-inf` for none. A single number counts for all joints.
+    ///     upper: `(n,)` upper position limits, rad; `inf` for none.
+    ///     velocity: `(n,)` velocity limits, rad/s.
+    ///     effort: `(n,)` torque limits, N m.
+    ///     inertia: Per link its mass (kg), centre of mass `(3,)` (m) and inertia at it `(3, 3)`, or its diagonal
+    ///         `(3,)` (kg m^2), in the frame of the row.
+    ///     rotor_inertia: `(n,)` inertia of the rotors seen at the joints, kg m^2.
+    ///     name: Name of the robot.
+    ///
+    /// Raises:
+    ///     RedundancyError: Wrong shapes, numbers that are not finite, inverted limits, names used twice.
     #[staticmethod]
     #[pyo3(signature = (rows, convention="standard", base=None, tool=None, names=None, lower=None, upper=None,
         velocity=None, effort=None, inertia=None, rotor_inertia=None, *, name="arm"))]
@@ -227,7 +285,7 @@ impl PyChain {
         builder.build().map(Self::from).map_err(to_py)
     }
 
-    /// The robot's name.
+    /// Name of the robot.
     #[getter]
     fn name(&self) -> &str {
         self.chain.name()
@@ -239,71 +297,84 @@ impl PyChain {
         self.chain.dof()
     }
 
-    /// Names of the joints, base to tip.
+    /// Names of the moving joints, base to tip.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
         self.chain.joints().iter().map(|j| j.name.as_str()).collect()
     }
 
-    /// Names of the frames, base to tip.
+    /// Names of the frames, base to tip; `forward` knows them.
     #[getter]
     fn link_names(&self) -> Vec<&str> {
         self.chain.links().iter().map(|l| l.name.as_str()).collect()
     }
 
-    /// Lower position limits.
+    /// Lower position limits `(n,)`, rad or m, `-inf` for none. A copy.
     #[getter]
     fn lower<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.chain.lower())
     }
 
-    /// Upper position limits.
+    /// Upper position limits `(n,)`, rad or m, `inf` for none. A copy.
     #[getter]
     fn upper<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.chain.upper())
     }
 
-    /// Velocity limits.
+    /// Velocity limits `(n,)`, rad/s or m/s, `inf` for none. A copy.
     #[getter]
     fn velocity_limit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_iter(py, self.chain.joints().iter().map(|j| j.limits.velocity))
     }
 
-    /// Acceleration limits.
+    /// Acceleration limits `(n,)`, rad/s^2 or m/s^2, `inf` for none. A copy.
     #[getter]
     fn acceleration_limit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_iter(py, self.chain.joints().iter().map(|j| j.limits.acceleration))
     }
 
-    /// Torque or force limits.
+    /// Torque or force limits `(n,)`, N m or N, `inf` for none. A copy.
     #[getter]
     fn effort_limit<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_iter(py, self.chain.joints().iter().map(|j| j.limits.effort))
     }
 
-    /// Pose of the first link in the world.
+    /// Pose `(4, 4)` of the first link in the world. A copy.
     #[getter]
     fn base<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         pose_to_array(py, self.chain.base())
     }
 
-    /// Pose of the tool in the last link.
+    /// Pose `(4, 4)` of the tool in the frame of the last link. A copy.
     #[getter]
     fn tool<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         pose_to_array(py, self.chain.tool())
     }
 
-    /// The same arm with another tool.
+    /// The same arm with another tool after its last link; replaces an earlier tool.
+    ///
+    /// Args:
+    ///     pose: Pose `(4, 4)` of the tool in the frame of the last link, m.
     fn with_tool(&self, pose: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.chain.with_tool(read_pose(pose)?).map(Self::from).map_err(to_py)
     }
 
-    /// The same arm mounted elsewhere.
+    /// The same arm mounted elsewhere; replaces an earlier base.
+    ///
+    /// Args:
+    ///     pose: Pose `(4, 4)` of the first link in the world, m.
     fn with_base(&self, pose: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.chain.with_base(read_pose(pose)?).map(Self::from).map_err(to_py)
     }
 
-    /// The same arm with other limits; what is not given stays.
+    /// The same arm with other limits `(n,)`; what is not given stays. A single number counts for all joints.
+    ///
+    /// Args:
+    ///     lower: Lower position limits `(n,)`, rad or m; `-inf` for none.
+    ///     upper: Upper position limits `(n,)`, rad or m; `inf` for none.
+    ///     velocity: Velocity limits `(n,)`, rad/s or m/s; `inf` for none.
+    ///     acceleration: Acceleration limits `(n,)`, rad/s^2 or m/s^2; `inf` for none.
+    ///     effort: Torque or force limits `(n,)`, N m or N; `inf` for none.
     #[pyo3(signature = (lower=None, upper=None, velocity=None, acceleration=None, effort=None))]
     fn with_limits(
         &self,
@@ -318,7 +389,27 @@ impl PyChain {
         self.chain.with_limits(&limits).map(Self::from).map_err(to_py)
     }
 
-    /// The same arm on a rail.
+    /// The same arm on a rail: one prismatic joint before the base.
+    ///
+    /// At 0 on the rail the arm stands where it stood. The rail is the first joint; the first link is `<name>_base`,
+    /// which stands, and the former first link moves. Another call puts a rail below the rail. In torques the rail
+    /// carries the bodies that the arm's joints move; the mass of the former first link is not known.
+    ///
+    /// Args:
+    ///     axis: `(3,)` direction of the rail, world axes, of any length.
+    ///     lower: Lowest position, m; `-inf` for none.
+    ///     upper: Highest position, m; `inf` for none.
+    ///     velocity: Largest speed, m/s; none when left out.
+    ///     name: Name of the joint.
+    ///
+    /// Raises:
+    ///     RedundancyError: An axis without length, inverted limits, a name that is taken.
+    ///
+    /// Example:
+    ///     >>> import redundancy as rd
+    ///     >>> chain = rd.catalog.load("iiwa14").with_rail((0, 1, 0), 0.0, 2.0)
+    ///     >>> chain.dof, chain.joint_names[0]
+    ///     (8, 'rail')
     #[pyo3(signature = (axis, lower, upper, velocity=None, name="rail"))]
     fn with_rail(
         &self,
@@ -334,7 +425,27 @@ impl PyChain {
         self.chain.with_rail(name, axis, limits).map(Self::from).map_err(to_py)
     }
 
-    /// The same arm with a body at its tip.
+    /// The same arm with a body fixed to its tip; adds to what is there.
+    ///
+    /// It counts in torques and what depends on them (`inverse_dynamics`, `max_speed`, `plan_orientation`).
+    ///
+    /// Args:
+    ///     mass: kg.
+    ///     center_of_mass: `(3,)`, m, in the frame of the last link (the tip), whatever the tool is.
+    ///     inertia: `(3, 3)` or its diagonal `(3,)` at the centre of mass, axes of the last link, kg m^2; a point mass
+    ///         when left out.
+    ///
+    /// Raises:
+    ///     RedundancyError: A chain without inertias, a mass that is not positive, an inertia that is not symmetric or
+    ///         not positive semidefinite, numbers that are not finite.
+    ///
+    /// Example:
+    ///     >>> import redundancy as rd
+    ///     >>> zero, arm = [0.0] * 7, rd.catalog.load("iiwa14")
+    ///     >>> loaded = arm.with_payload(2.0, (0.1, 0.0, 0.05))
+    ///     >>> change = loaded.inverse_dynamics(zero, zero, zero) - arm.inverse_dynamics(zero, zero, zero)
+    ///     >>> bool(abs(change[1]) > 1.0)
+    ///     True
     #[pyo3(signature = (mass, center_of_mass, inertia=None))]
     fn with_payload(
         &self,
@@ -348,7 +459,18 @@ impl PyChain {
         self.chain.with_payload(&payload).map(Self::from).map_err(to_py)
     }
 
-    /// Pose of the tool, or of a link, at `q`.
+    /// Pose of the tool, or of a link without the tool.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
+    ///     link: One of `link_names`; the tool when left out.
+    ///     threads: Threads for a batch; all cores when left out. The bits do not depend on it.
+    ///
+    /// Returns:
+    ///     `(4, 4)` or `(N, 4, 4)`.
+    ///
+    /// Raises:
+    ///     RedundancyError: Wrong shape, an entry that is not finite, an unknown link (the names are listed).
     #[pyo3(signature = (q, link=None, *, threads=None))]
     fn forward<'py>(
         &self,
@@ -381,7 +503,31 @@ impl PyChain {
         )
     }
 
-    /// Geometric Jacobian at `q`.
+    /// Geometric Jacobian of the tool or of a link: linear rows first.
+    ///
+    /// The motion is the one relative to the base; `frame` chooses the axes in which it is written, not the observer.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
+    ///     link: One of `link_names`; the tool when left out. Joints after it have columns of zeros.
+    ///     frame: Axes of both halves: `"base"` (world axes, those in which the base is placed), `"tool"`, or one of
+    ///         `link_names` (a link that is called base or tool is not reached by its name).
+    ///     point: `(3,)` reference point, m, in the frame of the link (or of the tool); its origin when left out.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(6, n)` or `(N, 6, n)`: m or 1, and 1 or 0.
+    ///
+    /// Raises:
+    ///     RedundancyError: Wrong shape, an entry that is not finite, an unknown link or frame (the names are listed).
+    ///
+    /// Example:
+    ///     >>> import numpy as np
+    ///     >>> import redundancy as rd
+    ///     >>> arm = rd.catalog.load("planar3r")
+    ///     >>> body = arm.jacobian(np.zeros(3), link="link2", frame="link2", point=(0.5, 0.0, 0.0))
+    ///     >>> body[1].tolist()
+    ///     [6.0, 3.0, 0.0]
     #[pyo3(signature = (q, link=None, frame="base", point=None, *, threads=None))]
     fn jacobian<'py>(
         &self,
@@ -419,7 +565,14 @@ impl PyChain {
         )
     }
 
-    /// Pose and Jacobian at the cost of one pass.
+    /// Pose and Jacobian of the tool at the cost of one pass.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(4, 4)` and `(6, n)`, or `(N, 4, 4)` and `(N, 6, n)`.
     #[pyo3(signature = (q, *, threads=None))]
     fn kinematics<'py>(
         &self,
@@ -453,7 +606,14 @@ impl PyChain {
         )
     }
 
-    /// Kinematic Hessian at `q`.
+    /// Kinematic Hessian: how the columns of the Jacobian change, `H[:, j, k] = d J[:, j] / d q_k`.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
     #[pyo3(signature = (q, *, threads=None))]
     fn hessian<'py>(
         &self,
@@ -485,8 +645,22 @@ impl PyChain {
         )
     }
 
-    /// Joint torques for a motion.
-    #[pyo3(signature = (q, qd, qdd, gravity=STANDARD_GRAVITY, *, threads=None))]
+    /// Joint torques `M(q) qdd + c(q, qd) + g(q)`, rotors included, without friction.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
+    ///     qd: Velocities; a single row counts for the whole batch.
+    ///     qdd: Accelerations; likewise.
+    ///     gravity: m/s^2, world axes.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(n,)` or `(N, n)`, N m (N for sliding joints).
+    ///
+    /// Raises:
+    ///     RedundancyError: No inertias in the description, wrong shapes, entries that are not finite.
+    #[pyo3(signature = (q, qd, qdd, gravity=STANDARD_GRAVITY, *, threads=None),
+    text_signature = "($self, q, qd, qdd, gravity=(0.0, 0.0, -9.81), *, threads=None)")]
     fn inverse_dynamics<'py>(
         &self,
         py: Python<'py>,
@@ -517,8 +691,18 @@ impl PyChain {
         Ok(out.finish().into_any())
     }
 
-    /// Derivatives of the joint torques.
-    #[pyo3(signature = (q, qd, qdd, gravity=STANDARD_GRAVITY))]
+    /// Derivatives of `inverse_dynamics` by q, qd and qdd, in closed form.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)`, rad or m.
+    ///     qd: Velocities `(n,)`, rad/s or m/s.
+    ///     qdd: Accelerations `(n,)`, rad/s^2 or m/s^2.
+    ///     gravity: `(3,)`, m/s^2, world axes.
+    ///
+    /// Returns:
+    ///     Three `(n, n)`: row i is the torque of joint i. The last is the mass matrix, rotors included.
+    #[pyo3(signature = (q, qd, qdd, gravity=STANDARD_GRAVITY),
+    text_signature = "($self, q, qd, qdd, gravity=(0.0, 0.0, -9.81))")]
     fn inverse_dynamics_derivatives<'py>(
         &self,
         py: Python<'py>,
@@ -550,6 +734,20 @@ impl PyChain {
             self.dof(),
             joints.join(", ")
         )
+    }
+
+    /// For notebooks: the joints with their limits.
+    fn _repr_html_(&self) -> String {
+        let joints = self.chain.joints().iter().map(|joint| {
+            let limits = &joint.limits;
+            let numbers = [limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.effort];
+            let cells =
+                numbers.map(|number| if number.is_finite() { format!("{number:.4}") } else { "none".into() });
+            [joint.name.clone(), joint.kind.as_str().to_owned()].into_iter().chain(cells).collect()
+        });
+        let head = ["joint", "kind", "lower", "upper", "velocity", "acceleration", "effort"];
+        let title = format!("Chain '{}', {} joints; rad or m, s, N m or N", self.name(), self.dof());
+        html::table(&title, &head, &joints.collect::<Vec<_>>())
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
@@ -641,13 +839,16 @@ fn repeated<'a>(rows: &'a Rows<'_>, what: &str, n: usize) -> PyResult<Cow<'a, [f
     }
 }
 
-/// The arms that are compiled in.
+/// An arm of the catalogue by name.
+///
+/// Args:
+///     name: One of `catalog_names()`.
 #[pyfunction]
 pub fn catalog_load(name: &str) -> PyResult<PyChain> {
     catalog::load(name).map(PyChain::from).map_err(to_py)
 }
 
-/// Their names, in alphabetical order.
+/// Names of the arms of the catalogue, in alphabetical order.
 #[pyfunction]
 pub fn catalog_names() -> Vec<&'static str> {
     catalog::names().collect()

@@ -97,7 +97,7 @@ impl PyFinding {
         self.finding.value
     }
 
-    /// What is allowed.
+    /// What is allowed, in the unit of `value`.
     #[getter]
     fn bound(&self) -> f64 {
         self.finding.bound
@@ -311,7 +311,11 @@ fn rows_of_archive(archive: &Bound<'_, PyAny>, chain_names: &[String]) -> PyResu
     velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
     jerk_limits=None, torque_limits=None, at_rest=true, tolerance=None, position_tolerance=None,
     orientation_tolerance=Some(CheckOrientation::Default), singularity=None, clearance=0.0, gravity=STANDARD_GRAVITY,
-    threads=None))]
+    threads=None),
+    text_signature = "(chain, trajectory, path=None, *, scene=None, links=None, velocity_limits=\"chain\", \
+    acceleration_limits=\"chain\", jerk_limits=None, torque_limits=None, at_rest=True, tolerance=None, \
+    position_tolerance=None, orientation_tolerance=0.01, singularity=None, clearance=0.0, \
+    gravity=(0.0, 0.0, -9.81), threads=None)")]
 pub fn py_check<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,
@@ -413,7 +417,9 @@ impl<'py> FromPyObject<'_, 'py> for CheckOrientation {
 #[pyfunction]
 #[pyo3(name = "joint_move", signature = (chain, q_from, q_to, *, scene=None, links=None,
     velocity_limits=Some(JointLimits::Word("chain".into())), acceleration_limits=Some(JointLimits::Word("chain".into())),
-    jerk_limits=None, clearance=0.0))]
+    jerk_limits=None, clearance=0.0),
+    text_signature = "(chain, q_from, q_to, *, scene=None, links=None, velocity_limits=\"chain\", \
+    acceleration_limits=\"chain\", jerk_limits=None, clearance=0.0)")]
 pub fn py_joint_move<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,

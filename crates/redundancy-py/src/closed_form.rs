@@ -84,7 +84,23 @@ pub fn read_arm(object: &Bound<'_, PyAny>) -> PyResult<Arm> {
     Err(to_py(Error::Invalid(message)))
 }
 
-/// The closed form of an arm.
+/// The closed form of an arm, recognised from its geometry.
+///
+/// Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
+/// describes its spare freedom (`"swivel"`), `None` where configurations over a pose are isolated.
+///
+/// Args:
+///     chain: The arm; an arm object is returned as it is.
+///
+/// Returns:
+///     The arm object, or `None` where no closed form is known.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> rd.closed_form(rd.catalog.load("iiwa14")).parameter
+///     'swivel'
+///     >>> rd.closed_form(rd.catalog.load("puma560")).name
+///     'spherical_wrist'
 #[pyfunction]
 #[pyo3(name = "closed_form")]
 pub fn py_closed_form<'py>(chain: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {

@@ -16,7 +16,9 @@ use crate::path::{PyEvent, read_joint_rows};
 use crate::status::status_to_py;
 use crate::task::{PyTask, read_target, read_task};
 
-/// A curve of configurations over one task value.
+/// A curve of configurations with one task value, by continuation. Pickles.
+///
+/// The parameter s is the length of the curve in joint space from the first row.
 #[pyclass(name = "SelfMotionCurve", module = "redundancy", frozen)]
 pub struct PySelfMotionCurve {
     pub curve: SelfMotionCurve,
@@ -31,49 +33,54 @@ impl PySelfMotionCurve {
         self.chain.clone_ref(py)
     }
 
-    /// Rows of joint configurations.
+    /// `(N, n)`: joint configurations that change continuously: not wound back into their limits on the way.
+    ///
+    /// On a closed curve the last row is the first one plus whole turns.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_array(py, self.curve.q(), [self.curve.rows(), self.curve.chain().dof()])
     }
 
-    /// Unit tangents of the rows.
+    /// `(N, n)`: unit tangents, in the kernel of the task Jacobian.
     #[getter]
     fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_array(py, self.curve.tangents(), [self.curve.rows(), self.curve.chain().dof()])
     }
 
-    /// Parameter of the rows.
+    /// `(N,)`: parameter of the rows, rad (m for sliding joints).
     #[getter]
     fn s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.curve.s())
     }
 
-    /// Length of the curve.
+    /// Length of the curve in joint space, rad or m.
     #[getter]
     fn length(&self) -> f64 {
         self.curve.length()
     }
 
-    /// Whether it returns to its start.
+    /// Whether it returns to its start, modulo whole turns of revolute joints.
     #[getter]
     fn closed(&self) -> bool {
         self.curve.closed()
     }
 
-    /// How the tracing ended.
+    /// `converged` (closed), `singular` (ends at kinematic singularities) or `iteration_limit` (`max_rows`).
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.curve.status())
     }
 
-    /// What was met.
+    /// Joint limits that are met and ends at kinematic singularities, in the order of s; `t` is s here.
     #[getter]
     fn events(&self) -> Vec<PyEvent> {
         self.curve.events().into_iter().map(PyEvent::from).collect()
     }
 
-    /// The configuration at a parameter.
+    /// The configuration `(n,)` or `(N, n)` at `s`, exactly on the curve; a closed curve goes on from its start.
+    ///
+    /// Raises:
+    ///     RedundancyError: a parameter that is not finite, or beyond the ends of an open curve.
     fn at<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.curve.chain().dof();
         let at = read_rows(s, "s", &[])?;
@@ -87,7 +94,13 @@ impl PySelfMotionCurve {
         }
     }
 
-    /// Arcs on which all joint limits hold.
+    /// Arcs `(k, 2)` of s on which all joint limits hold in some winding, with `margin` from each.
+    ///
+    /// An arc through the start of a closed curve ends above its length: s is inside an arc `[lo, hi]` when
+    /// `(s - lo) mod length <= hi - lo`.
+    ///
+    /// Raises:
+    ///     RedundancyError: a margin that is negative or not finite.
     #[pyo3(signature = (margin=0.0))]
     fn intervals<'py>(&self, py: Python<'py>, margin: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let arcs = self.curve.intervals(margin).map_err(to_py)?;
@@ -160,7 +173,27 @@ fn task_or_pose(task: Option<&Bound<'_, PyAny>>) -> PyResult<Task> {
     task.map_or(Ok(Task::POSE), read_task)
 }
 
-/// The self-motion through a configuration.
+/// The self-motion through `q`: all configurations with the same task value that can be reached from it.
+///
+/// By predictor and corrector, for any chain with one spare freedom under the task. Passes folds; ends where the curve
+/// closes or at kinematic singularities (then both directions are followed).
+///
+/// Args:
+///     chain: The arm.
+///     q: `(n,)`.
+///     task: What is held; default the pose.
+///     step: Largest joint step between rows; default 0.01.
+///     max_rows: Rows after which the curve is given up; default 200 000.
+///
+/// Raises:
+///     RedundancyError: a wrong length, entries that are not finite, not exactly one spare freedom, invalid settings.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("panda")
+///     >>> curve = rd.trace_self_motion(arm, [0.1, 0.4, -0.2, -1.9, 0.3, 1.7, 0.5])
+///     >>> curve.closed, curve.q.shape[1]
+///     (True, 7)
 #[pyfunction]
 #[pyo3(name = "trace_self_motion", signature = (chain, q, task=None, *, step=None, max_rows=None))]
 pub fn py_trace_self_motion(
@@ -178,7 +211,28 @@ pub fn py_trace_self_motion(
     Ok(PySelfMotionCurve { curve, chain: chain.clone().unbind() })
 }
 
-/// Every self-motion curve found over a pose.
+/// Every self-motion curve found over `pose`.
+///
+/// On S-R-S arms the circles of the closed form: all there are. On other arms curves through the configurations that
+/// Newton's method finds from random starts. Arguments as of `trace_self_motion` and `constrained_optima`.
+///
+/// Args:
+///     chain: The arm.
+///     pose: `(4, 4)` or SE3-like, or what the task holds of it.
+///     task: Which coordinates are held; default the pose.
+///     seed: Decides the random starts.
+///     starts: Their number.
+///     step: Distance of rows in joint space, as of `trace_self_motion`.
+///     max_rows: Most rows of a curve.
+///
+/// Raises:
+///     RedundancyError: an invalid pose, not exactly one spare freedom, invalid settings.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> [curve.closed for curve in rd.self_motion_curves(arm, [2, 0], task="planar")]
+///     [True]
 #[pyfunction]
 #[pyo3(name = "self_motion_curves",
     signature = (chain, pose, task=None, *, seed=0, starts=100, step=None, max_rows=None))]
@@ -200,7 +254,27 @@ pub fn py_self_motion_curves(
     Ok(curves.into_iter().map(|curve| PySelfMotionCurve { curve, chain: chain.clone().unbind() }).collect())
 }
 
-/// A sampled patch of a self-motion of two dimensions.
+/// A sampled patch of a self-motion of two dimensions around `q`.
+///
+/// Args:
+///     chain: The arm; the task leaves two freedoms.
+///     q: `(n,)`, the middle of the patch.
+///     task: What is held; default the pose.
+///     spacing: Distance of neighbours along the two null directions of `q`, in (0, 0.5].
+///     steps: Points on each side of the middle, at most 500.
+///
+/// Returns:
+///     Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; those that were not repeat `q`.
+///
+/// Raises:
+///     RedundancyError: a wrong length, entries that are not finite, not exactly two spare freedoms, invalid settings.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar4r")
+///     >>> q, valid = rd.self_motion_patch(arm, [0.2, 0.5, 0.7, 0.9], task="planar", steps=2)
+///     >>> q.shape, bool(valid.all())
+///     ((5, 5, 4), True)
 #[pyfunction]
 #[pyo3(name = "self_motion_patch", signature = (chain, q, task=None, *, spacing=0.05, steps=10))]
 pub fn py_self_motion_patch<'py>(

@@ -19,7 +19,9 @@ use crate::links::{LinkRadius, PyLinkGeometry, geometry_of};
 use crate::scene::{LINK_RADIUS, PyScene};
 use crate::task::{PyTask, read_task};
 
-/// A scalar function of the configuration. Sums and multiples of criteria are criteria.
+/// A scalar function of the configuration, with gradient and Hessian.
+///
+/// Sums (`a + b`, equal senses) and multiples (`2.0 * a`, `-a` turns the sense round) are criteria.
 #[pyclass(name = "Criterion", module = "redundancy", frozen, subclass)]
 pub struct PyCriterion {
     pub criterion: Arc<dyn Criterion>,
@@ -54,19 +56,19 @@ impl PyCriterion {
 
 #[pymethods]
 impl PyCriterion {
-    /// Number of joints.
+    /// Number of joints n.
     #[getter]
     fn dof(&self) -> usize {
         self.criterion.dof()
     }
 
-    /// `"minimize"` or `"maximize"`.
+    /// Whether it is to be small or large.
     #[getter]
     fn sense(&self) -> &'static str {
         self.criterion.sense().as_str()
     }
 
-    /// h(q) for `(n,)` or `(N, n)`.
+    /// h(q) for `(n,)`, or `(N,)` values for `(N, n)`.
     fn value<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let (out, batch) = self.rows(q, 1, |q, out| out[0] = self.criterion.value(q))?;
         match batch {
@@ -75,7 +77,10 @@ impl PyCriterion {
         }
     }
 
-    /// dh/dq, `(n,)` or `(N, n)`.
+    /// dh/dq, `(n,)` or `(N, n)`; per rad or m.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
     fn gradient<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.criterion.dof();
         let (out, batch) = self.rows(q, n, |q, out| self.criterion.gradient(q, out))?;
@@ -86,6 +91,9 @@ impl PyCriterion {
     }
 
     /// d2h/dq2, `(n, n)` or `(N, n, n)`.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
     fn hessian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.criterion.dof();
         let (out, batch) = self.rows(q, n * n, |q, out| {
@@ -134,7 +142,18 @@ impl PyCriterion {
     }
 }
 
-/// Distance from the middle of the joint ranges (Bettini, De Luca, Oriolo, eq. 6), to minimise.
+/// Distance from the middle of the joint ranges, to minimise.
+///
+/// `1/(2n) sum ((q_i - c_i) / (upper_i - lower_i))^2` (Bettini, De Luca, Oriolo 2000, eq. 6). Joints without limits
+/// do not count; n is the number of all joints.
+///
+/// Args:
+///     chain: The arm; joints without two finite limits do not count.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> rd.JointRange(rd.catalog.load("iiwa14")).value([0.0] * 7)
+///     0.0
 #[pyclass(name = "JointRange", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyJointRange;
 
@@ -151,7 +170,12 @@ impl PyJointRange {
     }
 }
 
-/// Squared distance from a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
+/// Nearness to a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
+///
+/// Args:
+///     chain: The arm.
+///     q_ref: `(n,)`, rad or m. Joint values count as they are: a winding away is far away.
+///     weights: `(n,)`, not negative; 1 by default.
 #[pyclass(name = "Posture", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyPosture;
 
@@ -180,7 +204,22 @@ impl PyPosture {
     }
 }
 
-/// Manipulability of a task, `det(J J^T)` or its root, to maximise.
+/// Distance from singularities, to maximise: `det(J J^T)` of a task, or its root.
+///
+/// Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. The root has none
+/// where it is zero; zeros are returned there.
+///
+/// Args:
+///     chain: The arm.
+///     task: Which coordinates count, by name or as a `Task`: `"pose"`, `"pose_rpy"`, `"position"`, `"pointing"`,
+///         `"planar"`, `"planar_pose"`. Metres and radians are not weighed against each other.
+///     measure: `"det"` or `"sqrt"`.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> h = rd.Manipulability(rd.catalog.load("planar3r"), task="planar")
+///     >>> h.sense, abs(h.value([0.0, 0.0, 0.0])) < 1e-9, h.value([0.0, 1.0, 1.0]) > 1.0
+///     ('maximize', True, True)
 #[pyclass(name = "Manipulability", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyManipulability;
 
@@ -210,7 +249,19 @@ impl PyManipulability {
     }
 }
 
-/// Distance from obstacles, a soft minimum over all pairs, to maximise.
+/// Distance from obstacles, to maximise.
+///
+/// A soft minimum of the signed distances of all pairs of link and obstacle: smooth where the nearest pair changes, at
+/// most the least distance, and less by at most `smoothing` times the logarithm of the number of pairs as near as it.
+/// The Hessian is the difference quotient of the analytic gradient.
+///
+/// Args:
+///     chain: The arm.
+///     scene: The obstacles.
+///     link_radius: Links are capsules of this radius (m) from joint to joint and to the tool; or a `LinkGeometry`.
+///     links: The same under another name.
+///     self_collision: The pairs of links count too.
+///     smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
 #[pyclass(name = "Clearance", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyClearanceCriterion;
 
@@ -252,7 +303,12 @@ impl PyClearanceCriterion {
     }
 }
 
-/// Distance of links from each other, a soft minimum over all pairs, to maximise.
+/// Distance of links from each other, to maximise: a soft minimum over the pairs of a `LinkGeometry`.
+///
+/// Args:
+///     chain: The arm.
+///     links: Its shapes and pairs.
+///     smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
 #[pyclass(name = "SelfClearance", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PySelfClearanceCriterion;
 
@@ -277,7 +333,13 @@ impl PySelfClearanceCriterion {
     }
 }
 
-/// Squared distance of the elbow from a point, to minimise.
+/// Squared distance (m^2) of the elbow from a point, to minimise.
+///
+/// Args:
+///     chain: The arm.
+///     point: `(3,)`, m, world axes.
+///     link: The origin of this link's frame instead of the elbow, which is the origin of joint 4 of seven, in general
+///         of joint `(n + 1) // 2`.
 #[pyclass(name = "Elbow", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyElbow;
 

@@ -20,19 +20,19 @@ pyo3::create_exception!(
     redundancy,
     NotSrsError,
     RedundancyError,
-    "The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other and by how much."
+    "The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other by how much."
 );
 pyo3::create_exception!(
     redundancy,
     NotSphericalWristError,
     RedundancyError,
-    "The chain is not a six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."
+    "No six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."
 );
 pyo3::create_exception!(
     redundancy,
     NotParallelAxesError,
     RedundancyError,
-    "The chain is not a six-joint arm with three parallel axes; the message says which axes are wrong and by how much."
+    "No six-joint arm with three parallel axes; the message says which axes are wrong and by how much."
 );
 pyo3::create_exception!(
     redundancy,

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::ik::{
@@ -27,7 +27,45 @@ use crate::task::{PyTask, read_target, read_targets, read_task};
 /// Poses between two looks at Ctrl-C: some tens of milliseconds.
 const SOLVER_BLOCK: usize = 2_048;
 
-/// From poses to configurations of one chain.
+/// From poses to configurations: any chain, joint limits held, a real tolerance.
+///
+/// `hybrid` uses the closed form where the arm has one (`rd.closed_form`), else ranked starts and
+/// Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
+///
+/// Args:
+///     chain: The arm.
+///     method: `"hybrid"`; `"newton"`: Levenberg-Marquardt from `q0`, then from random starts; or a descent algorithm
+///         of the paper from `q0`, then from random starts: `"coordinate_descent"`, `"gauss_southwell"`,
+///         `"gauss_southwell_rate"`, `"weighted_descent"`, `"gradient_estimate"`.
+///     task: Which coordinates count: a name or a `Task`; `"pose"` when left out.
+///     tol_position: Largest distance from the target that counts as reached, m.
+///     tol_orientation: Largest angle from the target that counts as reached, rad.
+///     max_iterations: Most iterations over all starts.
+///     restarts: Most starts after the first.
+///     criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
+///         closed form to the best value over all configurations.
+///     orientation_set: `Cone`, `QuaternionVolume` or `OrientationSet` of orientations that count as reached, instead
+///         of the target's.
+///     closed_form: Whether the closed form is used where the arm has one.
+///     time_limit: Seconds after which the best configuration so far is returned.
+///     position_weight: Weight of the squared distance (1/m^2) in the cost of the descent algorithms and of `trace`.
+///     orientation_weight: Weight of the orientation in that cost.
+///     order: Order of a sweep of coordinate descent: `"tip_to_base"`, `"base_to_tip"`, `"double"`.
+///     measure: Cost of an orientation: squared distances of the three `"axes"`, or of `"quaternions"`.
+///     joint_weights: `(n,)` share of the way that each joint goes in weighted descent (eq. 46) and in the estimate.
+///     gradient: `"true"` with a line search, or the paper's `"estimate"` as printed.
+///     attractions: Secondary terms (eq. 43): link, point `(3,)`, weight; a negative weight drives the link away.
+///
+/// Raises:
+///     RedundancyError: A setting out of its range, by name.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> chain = rd.catalog.load("panda")
+///     >>> ik = rd.IkSolver(chain)
+///     >>> result = ik.solve(chain.forward([0.3, 0.5, -0.2, -1.1, 0.4, 1.7, -0.9]))
+///     >>> str(result.status), result.position_error <= 1e-6
+///     ('converged', True)
 #[pyclass(name = "IkSolver", module = "redundancy", frozen)]
 pub struct PyIkSolver {
     solver: IkSolver,
@@ -138,6 +176,16 @@ impl PyIkSolver {
     }
 
     /// A configuration over a pose.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like; `(2,)` or `(3,)` for `planar`, `(3,)` for `position`, `(x, y, angle)` for
+    ///         `planar_pose`.
+    ///     q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
+    ///     seed: Decides the random starts, if it comes to those. The same seed, the same bits.
+    ///
+    /// Raises:
+    ///     RedundancyError: A pose that is not rigid (with the measured error), wrong shapes, numbers that are not
+    ///         finite.
     #[pyo3(signature = (pose, q0=None, seed=0))]
     fn solve(
         &self,
@@ -157,7 +205,15 @@ impl PyIkSolver {
         Ok(PyIkResult { result })
     }
 
-    /// Configurations over many poses.
+    /// `solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
+    ///
+    /// Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or the short forms of `solve` with a leading axis.
+    ///     q0: Where the search begins, `(n,)` or `(N, n)`, rad or m.
+    ///     seed: Decides the random starts, of every pose the same.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, q0=None, seed=0, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -210,7 +266,13 @@ impl PyIkSolver {
         })
     }
 
-    /// One run from `q0`, iteration by iteration.
+    /// One run of the method from `q0`, without restarts or closed form, iteration by iteration.
+    ///
+    /// `hybrid` runs as `newton`. At most `max_iterations`.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like.
+    ///     q0: Where it begins, `(n,)`, rad or m.
     fn trace(&self, py: Python<'_>, pose: &Bound<'_, PyAny>, q0: &Bound<'_, PyAny>) -> PyResult<PyIkTrace> {
         let pose = read_target(pose, &self.solver.settings().task)?;
         let q0 = read_vector(q0, "q0", Some(self.solver.chain().dof()))?;
@@ -312,49 +374,54 @@ impl PyIkResult {
         Ok(Self { result })
     }
 
-    /// Joint positions `(n,)`. A copy.
+    /// Joint positions `(n,)` within the limits; the best found where the status is not `converged`. A copy.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.result.q)
     }
 
     /// What came out.
+    ///
+    /// `converged`, `unreachable` (every start ended stationary above the tolerance; exact from a closed form),
+    /// `limits` (in reach, but only outside of the joint limits), `iteration_limit`, `time_limit`.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.result.status)
     }
 
-    /// What the status means here; empty when converged.
+    /// What the status means here, with the numbers; empty when converged.
     #[getter]
     fn reason(&self) -> String {
         self.result.reason()
     }
 
-    /// Iterations over all starts.
+    /// Iterations over all starts; 0 from a closed form.
     #[getter]
     fn iterations(&self) -> usize {
         self.result.iterations
     }
 
-    /// Distance from the target, m.
+    /// Distance from the target, m, of what counts of it: measured by forward kinematics on `q`.
     #[getter]
     fn position_error(&self) -> f64 {
         self.result.position_error
     }
 
-    /// Angle from the target, rad.
+    /// Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`.
     #[getter]
     fn orientation_error(&self) -> f64 {
         self.result.orientation_error
     }
 
-    /// Whether the status is exact.
+    /// The status is exact: `converged` always, others from a closed form without defect.
+    ///
+    /// False where it is that of a finite search; `reason` then says of how many starts.
     #[getter]
     fn proven(&self) -> bool {
         self.result.proven
     }
 
-    /// Starts of the numeric search.
+    /// Starts of the numeric search; 0 from a closed form alone.
     #[getter]
     fn starts(&self) -> usize {
         self.result.starts
@@ -375,12 +442,12 @@ impl PyIkResult {
     }
 }
 
-/// The answers over many poses.
+/// The answers over many poses; row i is that over pose i.
 #[pyclass(name = "IkBatch", module = "redundancy", frozen, get_all)]
 pub struct PyIkBatch {
-    /// `(N, n)`.
+    /// `(N, n)`, within the limits.
     q: Py<PyArray2<f64>>,
-    /// `(N,)` of `Status`.
+    /// `(N,)`, an object array of `Status`.
     status: Py<PyArray1<Py<PyAny>>>,
     /// `(N,)`.
     iterations: Py<PyArray1<u32>>,
@@ -388,7 +455,7 @@ pub struct PyIkBatch {
     position_error: Py<PyArray1<f64>>,
     /// `(N,)`, rad.
     orientation_error: Py<PyArray1<f64>>,
-    /// `(N,)`: whether each status is exact.
+    /// `(N,)`: whether each status is exact, as `IkResult.proven`.
     proven: Py<PyArray1<bool>>,
 }
 
@@ -423,7 +490,9 @@ impl PyIkBatch {
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        format!("IkBatch({} poses)", self.__len__(py))
+        let words = self.status.bind(py).readonly();
+        let converged = words.as_array().iter().filter(|s| s.bind(py).to_string() == "converged").count();
+        format!("IkBatch({} poses, {converged} converged)", self.__len__(py))
     }
 }
 
@@ -435,7 +504,7 @@ fn named<T: Copy>(kind: &'static str, name: &str, all: &[T], word: fn(T) -> &'st
     })
 }
 
-/// How a run went.
+/// How a run went: entry k is before iteration k, the last one is at the end.
 #[pyclass(name = "IkTrace", module = "redundancy", frozen)]
 pub struct PyIkTrace {
     trace: IkTrace,
@@ -454,19 +523,19 @@ impl PyIkTrace {
         PyArray1::from_slice(py, &self.trace.q)
     }
 
-    /// Weighted cost.
+    /// Weighted cost `(k,)` of the descent algorithms, whatever the method.
     #[getter]
     fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.cost)
     }
 
-    /// Distances from the target, m.
+    /// Distances from the target `(k,)`, m.
     #[getter]
     fn position_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.position_error)
     }
 
-    /// Angles from the target, rad.
+    /// Angles from the target `(k,)`, rad.
     #[getter]
     fn orientation_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.orientation_error)
@@ -495,7 +564,13 @@ fn finite(names: &[&str], values: &[f64]) -> PyResult<()> {
     }
 }
 
-/// Where `K + a cos(psi) + b sin(psi)` is least, and its value there.
+/// Where `K + a cos(psi) + b sin(psi)` is least, in (-pi, pi], and its value there: `atan2(-b, -a)`.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> psi, value = rd.sinusoid_minimum(2.0, 3.0, -4.0)
+///     >>> round(psi, 6), value
+///     (2.214297, -3.0)
 #[pyfunction]
 #[pyo3(signature = (K, a, b))]
 #[allow(non_snake_case)] // the letters of the paper
@@ -504,7 +579,7 @@ pub fn sinusoid_minimum(K: f64, a: f64, b: f64) -> PyResult<(f64, f64)> {
     Ok(Sinusoid { constant: K, cos: a, sin: b }.minimum())
 }
 
-/// Where the half-angle cost is least over two turns, and its value there.
+/// Where `K + a cos(psi) + b sin(psi) + c cos(psi/2) + d sin(psi/2)` is least over two turns, and its value.
 #[pyfunction]
 #[pyo3(signature = (K, a, b, c, d))]
 #[allow(non_snake_case)] // the letters of the paper
@@ -514,7 +589,19 @@ pub fn half_angle_minimum(K: f64, a: f64, b: f64, c: f64, d: f64) -> PyResult<(f
     Ok(HalfAngle { whole, half_cos: c, half_sin: d }.minimum())
 }
 
-/// Coefficients of the cost of one turning joint.
+/// Coefficients of the cost of a pose while a joint about `axis` through `origin` turns it by psi.
+///
+/// `(K, a, b)` for the measure `"axes"` (squared distances of the point and of the three unit axes),
+/// `(K, a, b, c, d)` for `"quaternions"`; for `sinusoid_minimum` and `half_angle_minimum`.
+///
+/// Args:
+///     axis: Direction `(3,)` of the joint's axis, world axes.
+///     origin: A point `(3,)` on the axis, m.
+///     pose: Pose `(4, 4)` of the tool at psi = 0.
+///     target: Pose `(4, 4)` that is wanted.
+///     position_weight: Weight of the squared distance, 1/m^2.
+///     orientation_weight: Weight of the orientation.
+///     measure: `"axes"` or `"quaternions"`.
 #[pyfunction]
 #[pyo3(signature = (axis, origin, pose, target, position_weight=10.0, orientation_weight=1.0, measure="axes"))]
 pub fn joint_cost<'py>(

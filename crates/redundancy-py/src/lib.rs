@@ -2,6 +2,15 @@
 
 // One argument per keyword.
 #![allow(clippy::too_many_arguments)]
+// The `///` comments of Python's names are its docstrings (`make stubs` copies them into `_core.pyi`): Google style, where
+// brackets are shapes and ranges and indented lines are arguments and examples in Python.
+#![allow(
+    clippy::doc_markdown,
+    clippy::doc_lazy_continuation,
+    clippy::doc_overindented_list_items,
+    clippy::too_long_first_doc_paragraph
+)]
+#![allow(rustdoc::broken_intra_doc_links, rustdoc::invalid_html_tags, rustdoc::invalid_rust_codeblocks)]
 
 use pyo3::prelude::*;
 
@@ -14,6 +23,7 @@ mod continuation;
 mod convert;
 mod criterion;
 mod error;
+mod html;
 mod ik;
 mod links;
 mod obstacle;

@@ -89,6 +89,13 @@ macro_rules! obstacle_class {
 }
 
 /// A ball.
+///
+/// Args:
+///     center: `(3,)`, m, world axes.
+///     radius: m, not negative.
+///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     name: Any text.
+///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
 #[pyclass(name = "Sphere", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PySphere {
@@ -144,6 +151,13 @@ obstacle_class!(PySphere, {
 });
 
 /// A box with any orientation.
+///
+/// Args:
+///     pose: Its centre and its axes.
+///     half_extents: `(3,)`, half of its edges, m.
+///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     name: Any text.
+///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
 #[pyclass(name = "Box", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyBox {
@@ -201,6 +215,14 @@ obstacle_class!(PyBox, {
 });
 
 /// All points within `radius` of a segment.
+///
+/// Args:
+///     start: `(3,)`, m, world axes.
+///     end: `(3,)`, m.
+///     radius: m, not negative.
+///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     name: Any text.
+///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
 #[pyclass(name = "Capsule", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyCapsule {
@@ -268,6 +290,14 @@ obstacle_class!(PyCapsule, {
 });
 
 /// A cylinder with any orientation.
+///
+/// Args:
+///     pose: Its centre and its axes; it is round about z.
+///     radius: m, not negative.
+///     half_length: Half of its length, m, not negative.
+///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     name: Any text.
+///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
 #[pyclass(name = "Cylinder", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyCylinder {
@@ -331,7 +361,13 @@ obstacle_class!(PyCylinder, {
     }
 });
 
-/// Everything on one side of a plane.
+/// Everything on one side of a plane: a floor, a wall.
+///
+/// Args:
+///     point: `(3,)`, a point of the plane, m, world axes.
+///     normal: `(3,)`, away from the solid side; its length does not matter.
+///     velocity: `(3,)`, m/s, of one that moves.
+///     name: Any text.
 #[pyclass(name = "HalfSpace", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyHalfSpace {
@@ -389,6 +425,28 @@ obstacle_class!(PyHalfSpace, {
 });
 
 /// Triangles.
+///
+/// A closed convex mesh counts as its hull. Another one counts as its triangles and, where it is closed, as what they
+/// enclose (`solid="exact"`); or as its convex hull (`"hull"`), or as convex pieces that contain its surface together
+/// (`"decompose"`, which takes seconds the first time).
+///
+/// Args:
+///     vertices: `(V, 3)`, m.
+///     faces: `(F, 3)`, vertex indices from 0.
+///     pose: Where the coordinates of the vertices are.
+///     solid: `exact`, `hull` or `decompose`.
+///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     name: Any text.
+///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+///
+/// Raises:
+///     RedundancyError: No face, an index that is no vertex, a vertex that is not finite.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> wedge = rd.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+///     >>> wedge.pieces
+///     1
 #[pyclass(name = "Mesh", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyMesh {

@@ -33,7 +33,9 @@ fn task_or_pose(task: Option<&Bound<'_, PyAny>>) -> PyResult<Task> {
     task.map_or(Ok(Task::POSE), read_task)
 }
 
-/// What is known about a configuration.
+/// What a configuration is to a criterion among the configurations with the same task value.
+///
+/// Pickles.
 #[pyclass(name = "Classification", module = "redundancy", frozen)]
 pub struct PyClassification {
     at: Classification,
@@ -55,31 +57,34 @@ fn from_parts(parts: ClassificationParts) -> PyResult<Classification> {
 
 #[pymethods]
 impl PyClassification {
-    /// What it is.
+    /// `maximum`, `minimum`, `saddle`, `degenerate`, `not_critical` or `kinematic_singularity`.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         kind_to_py(py, self.at.kind)
     }
 
-    /// Eigenvalues of the reduced Hessian, ascending.
+    /// `(r,)`: eigenvalues of the reduced Hessian on an orthonormal null-space basis, ascending.
+    ///
+    /// All negative: a maximum; all positive: a minimum; both signs: a saddle; one zero: degenerate, an algorithmic
+    /// singularity. At a point that is not critical they are the second derivatives of h along the self-motion.
     #[getter]
     fn eigenvalues<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.at.eigenvalues)
     }
 
-    /// Lagrange multipliers.
+    /// `(m,)`: Lagrange multipliers `(J J^T)^-1 J grad h`.
     #[getter]
     fn multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.at.multipliers)
     }
 
-    /// Slope of the criterion along the self-motion.
+    /// `|N^T grad h|` with an orthonormal null-space basis N: the slope of h along the self-motion.
     #[getter]
     fn residual(&self) -> f64 {
         self.at.residual
     }
 
-    /// Smallest singular value of the task Jacobian.
+    /// Smallest singular value of the task Jacobian (unit: m or 1 by its rows).
     #[getter]
     fn sigma_min(&self) -> f64 {
         self.at.sigma_min
@@ -110,7 +115,27 @@ impl PyClassification {
     }
 }
 
-/// What configurations are to a criterion.
+/// What `q` is to `criterion` among the configurations with the same task value.
+///
+/// With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
+/// `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
+/// at critical points]. Any chain, task and degree of redundancy.
+///
+/// Args:
+///     chain: The arm.
+///     q: `(n,)`, or `(N, n)` for a list of results.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///
+/// Raises:
+///     RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> near = rd.Posture(arm, [0.3, 0.5, 0.7])
+///     >>> str(rd.classify(arm, [0.3, 0.5, 0.7], near, task="planar").kind)
+///     'minimum'
 #[pyfunction]
 #[pyo3(name = "classify", signature = (chain, q, criterion, task=None))]
 pub fn py_classify<'py>(
@@ -138,7 +163,7 @@ pub fn py_classify<'py>(
     }
 }
 
-/// A critical point over a pose.
+/// A critical point of a criterion over a pose. Pickles.
 #[pyclass(name = "CriticalPoint", module = "redundancy", frozen)]
 pub struct PyCriticalPoint {
     pub point: CriticalPoint,
@@ -146,13 +171,13 @@ pub struct PyCriticalPoint {
 
 #[pymethods]
 impl PyCriticalPoint {
-    /// Configuration.
+    /// `(n,)`: revolute joints in principal values, unless that breaks a limit and another winding does not.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.q)
     }
 
-    /// h(q).
+    /// h(q), in the criterion's own unit.
     #[getter]
     fn value(&self) -> f64 {
         self.point.value
@@ -164,31 +189,31 @@ impl PyCriticalPoint {
         self.point.within_limits
     }
 
-    /// What it is.
+    /// `maximum`, `minimum`, `saddle` or `degenerate`.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         kind_to_py(py, self.point.classification.kind)
     }
 
-    /// Eigenvalues of the reduced Hessian, ascending.
+    /// `(r,)`, as of `Classification`.
     #[getter]
     fn eigenvalues<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.classification.eigenvalues)
     }
 
-    /// Lagrange multipliers.
+    /// `(m,)`, as of `Classification`.
     #[getter]
     fn multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.classification.multipliers)
     }
 
-    /// Slope of the criterion along the self-motion.
+    /// The same as `Classification.residual`.
     #[getter]
     fn residual(&self) -> f64 {
         self.point.classification.residual
     }
 
-    /// Smallest singular value of the task Jacobian.
+    /// The same as `Classification.sigma_min`.
     #[getter]
     fn sigma_min(&self) -> f64 {
         self.point.classification.sigma_min
@@ -223,7 +248,31 @@ impl PyCriticalPoint {
     }
 }
 
-/// The critical points of a criterion over a pose.
+/// Every critical point of `criterion` found over `pose`, the best value first.
+///
+/// With one spare freedom the self-motion curves are followed and every zero of the slope is polished by Newton; on
+/// S-R-S arms the curves are the circles of the closed form, so that none is missed, on other arms they are found
+/// from random starts. With more spare freedoms Newton's method runs from random starts. Points outside joint limits
+/// are reported with `within_limits` False; kinematic singularities are no critical points.
+///
+/// Args:
+///     chain: The arm.
+///     pose: A pose; for `planar` also `(2,)`, for `position` also `(3,)`.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///     seed: Of the random starts.
+///     starts: Number of random starts; default 100.
+///     step: Largest joint step between the points of a curve at which the slope is computed; default 0.1.
+///
+/// Raises:
+///     RedundancyError: an invalid pose, a task that leaves no spare freedom, settings out of range.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> points = rd.constrained_optima(arm, [2, 0], rd.Manipulability(arm, task="planar"), task="planar")
+///     >>> len(points), str(points[0].kind), round(points[0].value, 4)
+///     (12, 'maximum', 75.0395)
 #[pyfunction]
 #[pyo3(name = "constrained_optima", signature = (chain, pose, criterion, task=None, *, seed=0, starts=None, step=None))]
 pub fn py_constrained_optima(
@@ -248,7 +297,7 @@ pub fn py_constrained_optima(
     Ok(points.into_iter().map(|point| PyCriticalPoint { point }).collect())
 }
 
-/// The condition of cofactors for one spare freedom.
+/// The sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Pickles.
 #[pyclass(name = "CofactorCondition", module = "redundancy", frozen)]
 pub struct PyCofactorCondition {
     at: CofactorCondition,
@@ -261,19 +310,19 @@ impl PyCofactorCondition {
         Ok(Self { at: CofactorCondition { n: read_vector(n, "n", None)?, mu, a: condition } })
     }
 
-    /// The null vector of cofactors.
+    /// `(n,)`: null vector of cofactors, `|n|^2 = det J J^T`.
     #[getter]
     fn n<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.at.n)
     }
 
-    /// `n . grad h`.
+    /// `n . grad h`, in the criterion's unit per rad: zero at critical points.
     #[getter]
     fn mu(&self) -> f64 {
         self.at.mu
     }
 
-    /// The sufficient condition.
+    /// The paper's A, `det(J J^T)` times the eigenvalue of `classify`: negative at a maximum.
     #[getter]
     fn condition(&self) -> f64 {
         self.at.a
@@ -289,7 +338,23 @@ impl PyCofactorCondition {
     }
 }
 
-/// The paper's condition at a configuration.
+/// The paper's own n, mu and A at `q`, for tasks that leave one spare freedom.
+///
+/// Args:
+///     chain: The arm.
+///     q: Joint positions `(n,)`, rad or m.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///
+/// Raises:
+///     RedundancyError: a task that leaves another number of freedoms, a wrong length, entries that are not finite.
+///
+/// Example:
+///     >>> import math, redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> p1 = [math.radians(x) for x in (-87.1742, 111.7847, 77.5352)]
+///     >>> round(rd.cofactor_condition(arm, p1, rd.Manipulability(arm, task="planar"), task="planar").condition)
+///     -4861
 #[pyfunction]
 #[pyo3(name = "cofactor_condition", signature = (chain, q, criterion, task=None))]
 pub fn py_cofactor_condition(
@@ -305,7 +370,12 @@ pub fn py_cofactor_condition(
     Ok(PyCofactorCondition { at })
 }
 
-/// A critical point followed along a path.
+/// A critical point followed along a path: a plan with one row per path point up to its stop. Pickles.
+///
+/// The last event of one that stopped is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is the
+/// path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints leave
+/// their limits or return. `status` is `converged` when the path was finished within the limits, `singular` at a stop,
+/// `limits` where a joint breaks a position limit, or a speed limit at the path's times.
 #[pyclass(name = "FollowedOptimum", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyFollowedOptimum {
     followed: FollowedOptimum,
@@ -322,7 +392,7 @@ impl PyFollowedOptimum {
 
 #[pymethods]
 impl PyFollowedOptimum {
-    /// What it is, all along.
+    /// What the critical point is; the same all along.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         kind_to_py(py, self.followed.kind)
@@ -334,32 +404,32 @@ impl PyFollowedOptimum {
         self.followed.stop.is_none()
     }
 
-    /// h at each row.
+    /// `(N,)`: the criterion at each row.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.followed.values)
     }
 
-    /// Smallest singular value of the task Jacobian at each row.
+    /// `(N,)`: smallest singular value of the task Jacobian at each row.
     #[getter]
     fn sigma_min<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.followed.sigma_min)
     }
 
-    /// Eigenvalues of the reduced Hessian at each row.
+    /// `(N, r)`: eigenvalues of the reduced Hessian at each row, ascending.
     #[getter]
     fn eigenvalues<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (rows, all) = (self.followed.values.len(), &self.followed.eigenvalues);
         Ok(to_array(py, all, [rows, all.len() / rows.max(1)])?.into_any())
     }
 
-    /// Configuration at which it stopped.
+    /// `(n,)`: configuration at which it stopped.
     #[getter]
     fn stop_q<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.followed.stop.as_ref().map(|stop| PyArray1::from_slice(py, &stop.q))
     }
 
-    /// Arc length at which it stopped.
+    /// Arc length at which it stopped, m.
     #[getter]
     fn stop_s(&self) -> Option<f64> {
         self.followed.stop.as_ref().map(|stop| stop.s)
@@ -402,7 +472,32 @@ fn follow_settings(step: Option<f64>) -> FollowSettings {
     FollowSettings { step: step.unwrap_or(default.step) }
 }
 
-/// Follows a critical point along a path.
+/// Follows the critical point of `criterion` next to `q0` along `path`: the extended Jacobian, exactly.
+///
+/// Every row lies on the path and on the critical locus to rounding, so closed paths are closed in the joints. It stops
+/// where the critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses
+/// rank (kinematic singularity), and never jumps across.
+///
+/// Args:
+///     chain: The arm.
+///     path: What the tool does; without orientations for `position` and `planar`.
+///     q0: `(n,)`: a critical point over the path's start, to about 0.02 rad; see `constrained_optima`.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///     step: Largest step in the joints, from 1e-4 to 0.5; default 0.05.
+///
+/// Raises:
+///     RedundancyError: a `q0` that is no critical point over the start, a path without the orientations that the
+///         task needs, a task that leaves no spare freedom, invalid settings.
+///
+/// Example:
+///     >>> import math, redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> h = rd.Manipulability(arm, task="planar")
+///     >>> circle = rd.paths.circle((3.5, 0, 0), 1.5, start=math.pi, n=51)
+///     >>> q0 = rd.constrained_optima(arm, [2, 0], h, task="planar")[0].q
+///     >>> rd.follow_optimum(arm, circle, q0, h, task="planar").completed
+///     True
 #[pyfunction]
 #[pyo3(name = "follow_optimum", signature = (chain, path, q0, criterion, task=None, *, step=None))]
 pub fn py_follow_optimum<'py>(
@@ -428,7 +523,7 @@ pub fn py_follow_optimum<'py>(
     PyFollowedOptimum::new_bound(py, followed, plan)
 }
 
-/// A critical point at a path's start, and how far it goes.
+/// A critical point at a path's start, and how far it can be followed. Pickles.
 #[pyclass(name = "RankedStart", module = "redundancy", frozen)]
 pub struct PyRankedStart {
     point: Py<PyCriticalPoint>,
@@ -454,13 +549,13 @@ impl PyRankedStart {
         self.point.clone_ref(py)
     }
 
-    /// Configuration of the critical point.
+    /// `(n,)`: its configuration.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.point.get().q(py)
     }
 
-    /// h(q).
+    /// h(q), in the criterion's own unit.
     #[getter]
     fn value(&self) -> f64 {
         self.point.get().value()
@@ -510,7 +605,32 @@ impl PyRankedStart {
     }
 }
 
-/// Follows every critical point at the start of a path.
+/// Follows every critical point over the start of `path`.
+///
+/// Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
+/// those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
+/// with `status` and `reason`: why it is empty, or why no start completes the path.
+///
+/// Args:
+///     chain: The arm.
+///     path: What the tool does.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///     seed: As of `constrained_optima`.
+///     starts: As of `constrained_optima`.
+///     step: As of `follow_optimum`.
+///     threads: Number of threads; None: all cores.
+///
+/// Raises:
+///     RedundancyError: as `constrained_optima` and `follow_optimum`.
+///
+/// Example:
+///     >>> import math, redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> circle = rd.paths.circle((3.5, 0, 0), 1.5, start=math.pi, n=51)
+///     >>> ranked = rd.rank_starts(arm, circle, rd.Manipulability(arm, task="planar"), task="planar")
+///     >>> [start.completed for start in ranked[:3]]
+///     [True, True, False]
 #[pyfunction]
 #[pyo3(name = "rank_starts",
     signature = (chain, path, criterion, task=None, *, seed=0, starts=None, step=None, threads=None))]
@@ -579,7 +699,7 @@ fn start_out_of_reach(chain: &Chain, pose: &Pose, task: Task, seed: u64) -> PyRe
     })
 }
 
-/// A configuration at which a critical point vanishes.
+/// A configuration at which a critical point vanishes: an algorithmic singularity. Pickles.
 #[pyclass(name = "SingularPoint", module = "redundancy", frozen)]
 pub struct PySingularPoint {
     point: SingularPoint,
@@ -592,31 +712,31 @@ impl PySingularPoint {
         Self { point: SingularPoint { q, position, residual, first_joint_free, dimension } }
     }
 
-    /// Configuration.
+    /// `(n,)`: configuration; the first joint is zero where it is free.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.q)
     }
 
-    /// Where the tool is.
+    /// `(3,)`: where the tool is, m.
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.position)
     }
 
-    /// What is left of the equations.
+    /// What is left of `mu = 0` and of the least eigenvalue: ratio to gradient and curvature of the criterion.
     #[getter]
     fn residual(&self) -> f64 {
         self.point.residual
     }
 
-    /// Whether every value of the first joint gives one.
+    /// Whether every value of the first joint gives a singular point.
     #[getter]
     fn first_joint_free(&self) -> bool {
         self.point.first_joint_free
     }
 
-    /// Dimension of the set it belongs to.
+    /// Dimension of the set it belongs to (without a free first joint): 0 for isolated points, else a sample.
     #[getter]
     fn dimension(&self) -> usize {
         self.point.dimension
@@ -649,7 +769,28 @@ fn run_search(py: Python<'_>, search: &mut SingularitySearch<'_>, threads: Optio
     })
 }
 
-/// Where critical points vanish.
+/// Where critical points of `criterion` vanish, for any value of the task.
+///
+/// The equations `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do
+/// not depend on the first joint the points are isolated, each a circle about the base; else they are samples.
+///
+/// Args:
+///     chain: The arm.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///     seed: Of the random starts.
+///     starts: Most random starts; default 2000. Isolated points count as complete when three in four starts, and at
+///         least 256, have found nothing new.
+///     threads: Number of threads; None: all cores. The result does not depend on it.
+///
+/// Raises:
+///     RedundancyError: a task that leaves no spare freedom, settings out of range.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> len(rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar"))
+///     10
 #[pyfunction]
 #[pyo3(name = "algorithmic_singularities",
     signature = (chain, criterion, task=None, *, seed=0, starts=None, threads=None))]
@@ -671,7 +812,7 @@ pub fn py_algorithmic_singularities(
     Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
 }
 
-/// Configurations at which critical points vanish, in order.
+/// Configurations at which critical points vanish, in order. Pickles; `len()` is the number of rows.
 #[pyclass(name = "SingularityCurve", module = "redundancy", frozen)]
 pub struct PySingularityCurve {
     curve: SingularityCurve,
@@ -686,13 +827,18 @@ impl PySingularityCurve {
         Self { curve: SingularityCurve { q, closed, first_joint_free }, n }
     }
 
-    /// Rows, one configuration each.
+    /// `(N, n)`: joints run on beyond half a turn where whole turns make no difference to the criterion.
+    ///
+    /// The first joint is zero where it is free. The last row of a closed curve is the first one, up to whole turns.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_array(py, &self.curve.q, [self.__len__(), self.n])
     }
 
     /// Whether it ends where it began.
+    ///
+    /// An open curve ends where the arm is singular, where it crosses another one, or, for criteria of joint values,
+    /// where a joint changes its winding.
     #[getter]
     fn closed(&self) -> bool {
         self.curve.closed
@@ -722,7 +868,29 @@ impl PySingularityCurve {
     }
 }
 
-/// Curves on which critical points vanish.
+/// The curves on which critical points of `criterion` vanish, longest first.
+///
+/// They are curves where `mu = 0`, `det W = 0` leave one freedom. The points of `algorithmic_singularities` are
+/// followed in both directions; curves without one of them are missed.
+///
+/// Args:
+///     chain: The arm.
+///     criterion: What is small or large.
+///     task: Which coordinates are held; default the pose.
+///     step: Largest step between rows, rad or m.
+///     seed: Of the random starts.
+///     starts: Number of random starts; default 2000.
+///     threads: Number of threads; None: all cores. The result does not depend on it.
+///
+/// Raises:
+///     RedundancyError: a set of singularities of another dimension than one, settings out of range.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> posture = rd.Posture(arm, [0.3, 0.5, 0.7])
+///     >>> len(rd.singularity_curves(arm, posture, task="planar", starts=300))
+///     8
 #[pyfunction]
 #[pyo3(name = "singularity_curves",
     signature = (chain, criterion, task=None, *, step=0.05, seed=0, starts=None, threads=None))]
@@ -752,7 +920,24 @@ pub fn py_singularity_curves(
     Ok(curves.into_iter().map(|curve| PySingularityCurve { curve, n: chain.dof() }).collect())
 }
 
-/// Distance of configurations from the nearest algorithmic singularity.
+/// Distance in joint space of `q` `(n,)` or `(N, n)` from the nearest of `points`, revolute joints the short way.
+///
+/// The first joint is left out where it is free for all points.
+///
+/// Args:
+///     chain: The arm.
+///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
+///     points: What `algorithmic_singularities` returns.
+///
+/// Raises:
+///     RedundancyError: no points, a wrong length, entries that are not finite.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("planar3r")
+///     >>> points = rd.algorithmic_singularities(arm, rd.Manipulability(arm, task="planar"), task="planar")
+///     >>> round(rd.singularity_distance(arm, points[0].q + [1.0, 0.01, 0.0], points), 12)
+///     0.01
 #[pyfunction]
 #[pyo3(name = "singularity_distance", signature = (chain, q, points))]
 pub fn py_singularity_distance<'py>(

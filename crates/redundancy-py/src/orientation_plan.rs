@@ -15,7 +15,12 @@ use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::speed::{JointLimits, read_task};
 use crate::watch::watched_aside;
 
-/// A plan at constant tool speed with the orientation of each row.
+/// A plan at constant tool speed with tilt and spin of the tool, one row per entry of `s`.
+///
+/// The entries of `s` are at most 0.4 mm apart. `tilt` is the rotation vector in the path's frame, `spin` is about the
+/// tool axis from the path's orientation. `status` is `converged`; `time_limit` or `cancelled` (the best so far);
+/// `unreachable` or `infeasible` (no rows). With `unreachable`, `blocked` lists the path points that no configuration
+/// reaches.
 #[pyclass(name = "OrientationPlan", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyOrientationPlan {
     speed: f64,
@@ -33,39 +38,39 @@ type Parts<'py> = (Bound<'py, PyDict>, (f64, Option<f64>, Vec<f64>), Counts);
 
 #[pymethods]
 impl PyOrientationPlan {
-    /// Constant tool speed, m/s.
+    /// Constant tool speed, m/s, verified at every row; 0 without a plan.
     #[getter]
     fn speed(&self) -> f64 {
         self.speed
     }
 
-    /// The same for the path's own orientation.
+    /// The same for the path's own orientation on the fastest branch, where it can be followed.
     #[getter]
     fn constant_speed(&self) -> Option<f64> {
         self.constant_speed
     }
 
-    /// Joint torques.
+    /// Joint torques `(N, n)` at `speed`, N m.
     #[getter]
     fn torques<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let (torques, n) = (&this.get().torques, this.as_super().get().plan.trajectory().dof());
         Ok(to_array(this.py(), torques, [torques.len() / n, n])?.into_any())
     }
 
-    /// Name of the joint that allows no more; `None` where it is the rate of the orientation.
+    /// Its name.
     #[getter]
     fn limiting_joint_name(this: &Bound<'_, Self>) -> Option<String> {
         let joint = this.get().limiting_joint()?;
         this.as_super().get().plan.trajectory().joint_names().get(joint).cloned()
     }
 
-    /// Its index.
+    /// Index of the joint that allows no more; `None` where it is the rate of the orientation.
     #[getter]
     fn limiting_joint(&self) -> Option<usize> {
         self.bottleneck?.bound.joint()
     }
 
-    /// `torque` or `velocity`.
+    /// `"torque"` or `"velocity"`.
     #[getter]
     fn limit(&self) -> &'static str {
         match self.bottleneck.map(|at| at.bound) {
@@ -145,12 +150,40 @@ pub enum SpinArgument {
     Word(String),
 }
 
-/// Plans tilt and spin along a whole path.
+/// Plan tilt and spin of the tool along a whole path for the highest constant tool speed.
+///
+/// Quintic splines of tilt and spin, sequential convex programming from many starts, verified on a grid at least five
+/// times finer. A local optimum: a lower bound of what is possible.
+///
+/// Args:
+///     chain: The arm, six or seven joints, with inertias.
+///     path: The cone stands on its orientations; a path of positions has the tool axis down, or `orientation`.
+///     half_angle: Largest tilt, rad, in [0, pi/2).
+///     spin: `"free"`, or the largest angle about the tool axis from the path's orientation, rad.
+///     tool: Pose of the tool in the last link, instead of the chain's.
+///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+///     torque_margin: Share of the torque limits that is kept free.
+///     velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
+///     joint_limits: Whether the position limits hold.
+///     max_rate: Largest rate of the tool's orientation, rad/s.
+///     time_limit: Seconds after which the best plan so far is returned.
+///     threads: Threads; all cores when left out.
+///     orientation: `(3, 3)` for the whole path, instead of its own.
+///     gravity: m/s^2, world axes.
+///     progress: Called about 20 times a second with the share of the time and the highest speed so far (m/s).
+///
+/// Ctrl-C ends the search: the best plan so far is returned with status `cancelled`.
+///
+/// Raises:
+///     RedundancyError: A setting out of its range, no inertias, no length, another number of joints.
 #[pyfunction(name = "plan_orientation")]
 #[pyo3(signature = (chain, path, half_angle, spin=SpinArgument::Word("free".into()), tool=None,
     torque_limits=Some(JointLimits::Word("chain".into())), torque_margin=0.0,
     velocity_limits=Some(JointLimits::Word("chain".into())), joint_limits=true,
-    max_rate=None, time_limit=60.0, threads=None, *, orientation=None, gravity=STANDARD_GRAVITY, progress=None))]
+    max_rate=None, time_limit=60.0, threads=None, *, orientation=None, gravity=STANDARD_GRAVITY, progress=None),
+    text_signature = "(chain, path, half_angle, spin=\"free\", tool=None, torque_limits=\"chain\", torque_margin=0.0, \
+    velocity_limits=\"chain\", joint_limits=True, max_rate=None, time_limit=60.0, threads=None, *, \
+    orientation=None, gravity=(0.0, 0.0, -9.81), progress=None)")]
 pub fn py_plan_orientation<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,

@@ -15,9 +15,36 @@ use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major, rotat
 
 use crate::convert::{Fresh, Integer, read_array, read_numbers, read_pose, read_rows, read_vector, to_array};
 use crate::error::to_py;
+use crate::html;
 use crate::status::event_kind_to_py;
 
-/// Tool poses or positions in the order of arc length.
+/// Tool poses, or positions with the orientation left open, in the order of arc length.
+///
+/// Between the samples the path is a C2 curve: a cubic spline with not-a-knot ends through positions and through unit
+/// quaternions; circle and raster of `redundancy.paths` keep their analytic curve. Immutable.
+///
+/// A rotation that is off by up to 1e-3 (largest deviation of a singular value from 1), and a quaternion whose norm is
+/// within 1e-3 of 1, is replaced by the nearest one; beyond that it is refused with the measured value.
+///
+/// Args:
+///     poses: `(N, 4, 4)`, a list of SE3-like objects, or `(N, 3)` positions, m.
+///     s: `(N,)` arc length, m; summed from the distances when left out.
+///     t: `(N,)` times, s, increasing; a path without times is timed by the arm's velocity limits.
+///     positions: `(N, 3)`, m, instead of `poses`.
+///     quaternions_wxyz: `(N, 4)`, scalar first, beside `positions`, or `(4,)` for all; a path of positions when left
+///         out.
+///
+/// Raises:
+///     RedundancyError: Fewer than two samples, invalid poses, lengths that differ, `s` or `t` that do not increase.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> path = rd.Path([[0.3, 0.0, 0.5], [0.4, 0.0, 0.5], [0.4, 0.2, 0.5]])
+///     >>> path.has_orientation, round(path.length, 12)
+///     (False, 0.3)
+///     >>> down = rd.Path(positions=[[0.3, 0.0, 0.5], [0.4, 0.0, 0.5]], quaternions_wxyz=[0, 1, 0, 0])
+///     >>> down.poses[1, :3, 2].tolist()
+///     [0.0, 0.0, -1.0]
 #[pyclass(name = "Path", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyPath {
@@ -66,30 +93,39 @@ impl PyPath {
         path.map(Self::from).map_err(to_py)
     }
 
-    /// Reads a CSV file.
+    /// Read a CSV file with a header line and the columns `x,y,z`, `qw,qx,qy,qz` and, where wanted, `s` and `t`.
+    ///
+    /// The columns stand in any order; metres, seconds. The four quaternion columns may be absent together: a path
+    /// of positions. Quaternions within 1e-3 of unit norm are normalised.
+    ///
+    /// Raises:
+    ///     FileFormatError: What is wrong, with the file's name and line.
     #[staticmethod]
     fn from_csv(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         py.detach(|| Path::from_csv(path)).map(Self::from).map_err(to_py)
     }
 
-    /// Writes a CSV file.
+    /// Write the samples as `from_csv` reads them.
+    ///
+    /// Args:
+    ///     path: The file to write.
     fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| self.path.to_csv(path)).map_err(to_py)
     }
 
-    /// Arc length of each sample.
+    /// Arc length of each sample `(N,)`, m. A copy.
     #[getter]
     fn s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.path.s())
     }
 
-    /// Time of each sample.
+    /// Time of each sample `(N,)`, s, where the path has times. A copy.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.path.t().map(|t| PyArray1::from_slice(py, t))
     }
 
-    /// The samples as poses.
+    /// The samples `(N, 4, 4)`; the rotation is the identity on a path of positions. A copy.
     #[getter]
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let mut array = Fresh::new(py, [self.path.len(), 4, 4]);
@@ -99,7 +135,7 @@ impl PyPath {
         Ok(array.finish())
     }
 
-    /// The samples as positions.
+    /// The samples' positions `(N, 3)`, m. A copy.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let mut array = Fresh::new(py, [self.path.len(), 3]);
@@ -109,19 +145,28 @@ impl PyPath {
         Ok(array.finish())
     }
 
-    /// Arc length from the first to the last sample.
+    /// Arc length from the first to the last sample, m.
     #[getter]
     fn length(&self) -> f64 {
         self.path.length()
     }
 
-    /// False for a path of positions.
+    /// False for a path of positions, whose orientation is open.
     #[getter]
     fn has_orientation(&self) -> bool {
         self.path.has_orientation()
     }
 
     /// Pose on the curve.
+    ///
+    /// Args:
+    ///     s: Arc length, m: a number or `(N,)`.
+    ///
+    /// Returns:
+    ///     `(4, 4)` or `(N, 4, 4)`.
+    ///
+    /// Raises:
+    ///     RedundancyError: `s` is not on the path.
     fn pose<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let at = read_rows(s, "s", &[])?;
         let shape = at.batch.map_or(vec![4, 4], |n| vec![n, 4, 4]);
@@ -132,7 +177,15 @@ impl PyPath {
         shaped(py, &values, &shape)
     }
 
-    /// First and second derivative on the curve.
+    /// First and second derivative with respect to arc length, linear first, angular second, in base axes.
+    ///
+    /// $(p', \omega)$ in 1 and rad/m, $(p'', \omega')$ in 1/m and rad/m^2, with $\dot Q = \tfrac12 (0, \omega) Q$.
+    ///
+    /// Args:
+    ///     s: Arc length, m: a number or `(N,)`.
+    ///
+    /// Returns:
+    ///     Two arrays `(6,)` or `(N, 6)`.
     fn derivatives<'py>(
         &self,
         py: Python<'py>,
@@ -149,32 +202,60 @@ impl PyPath {
         Ok((shaped(py, &first, &shape)?, shaped(py, &second, &shape)?))
     }
 
-    /// The same curve with other samples.
+    /// The same curve sampled about every `step` metres; times are interpolated linearly.
+    ///
+    /// Where pieces of a joined path meet, there is a sample.
     fn resampled(&self, step: f64) -> PyResult<Self> {
         self.path.resampled(step).map(Self::from).map_err(to_py)
     }
 
-    /// The path moved by a rigid transform.
+    /// The path moved by a rigid transform: every pose `T` becomes `pose @ T`.
+    ///
+    /// Circle and raster stay analytic; arc lengths and times are kept.
     fn transformed(&self, pose: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.path.transformed(&read_pose(pose)?).map(Self::from).map_err(to_py)
     }
 
-    /// The path from its end to its start.
+    /// The path from its end to its start, with the same orientations.
+    ///
+    /// Circle and raster stay analytic. Arc lengths and times start where they started, and each section takes as long
+    /// as before.
     fn reversed(&self) -> PyResult<Self> {
         self.path.reversed().map(Self::from).map_err(to_py)
     }
 
-    /// This path and then another.
+    /// This path and then `other`, each with its own curve: where they meet is a corner, unless they meet smoothly.
+    ///
+    /// Where `other` starts at the pose at which this path ends, they share the sample. Where it starts elsewhere, a
+    /// straight line leads there, with the shorter turn. Times of `other` are shifted so that it starts when this path
+    /// ends; across a gap they are kept and must leave room for it.
+    ///
+    /// Raises:
+    ///     RedundancyError: Only one of the two has orientations, or times; a gap without time for it.
+    ///
+    /// Example:
+    ///     >>> import redundancy as rd
+    ///     >>> stroke = rd.Path([[0.3, 0.0, 0.5], [0.5, 0.0, 0.5]])
+    ///     >>> there_and_back = stroke.joined(stroke.reversed())
+    ///     >>> len(there_and_back), round(there_and_back.length, 12)
+    ///     (3, 0.4)
     fn joined(&self, other: &Self) -> PyResult<Self> {
         self.path.joined(&other.path).map(Self::from).map_err(to_py)
     }
 
     /// The same positions with other orientations.
+    ///
+    /// Args:
+    ///     orientation: `(3, 3)` or a pose: everywhere the same; `(N, 3, 3)`: one per sample; a callable from
+    ///         positions `(N, 3)` to rotations `(N, 3, 3)`.
     fn with_orientation(&self, orientation: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.oriented(Some(orientation)).map(Self::from)
     }
 
-    /// The same path with other times.
+    /// The same path with other times `(N,)`, s, or none.
+    ///
+    /// Args:
+    ///     t: `(N,)`, s, increasing; None takes the times away.
     #[pyo3(signature = (t))]
     fn with_times(&self, t: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let t = t.map(|t| read_vector(t, "t", None)).transpose()?;
@@ -392,7 +473,7 @@ fn shape_from_parts(kind: &str, numbers: &[f64]) -> redundancy_core::Result<Shap
     }
 }
 
-/// A circle; see `redundancy.paths.circle`.
+/// `redundancy.paths.circle` without its defaults.
 #[pyfunction]
 pub fn paths_circle(
     center: &Bound<'_, PyAny>,
@@ -410,7 +491,7 @@ pub fn paths_circle(
     path.oriented(orientation).map(PyPath::from)
 }
 
-/// A raster; see `redundancy.paths.raster`.
+/// `redundancy.paths.raster` without its defaults.
 #[pyfunction]
 pub fn paths_raster(
     origin: &Bound<'_, PyAny>,
@@ -432,6 +513,14 @@ pub fn paths_raster(
 }
 
 /// Something that happened on the way.
+///
+/// Args:
+///     kind: `basis_change`, `damping`, `limit`, `scaled`, `kinematic_singularity`, `algorithmic_singularity`,
+///         `reconfiguration` or `joint_limit`.
+///     index: Row of the trajectory; where a plan ends early, the path point that was not reached.
+///     t: Time, s.
+///     s: Arc length on the path, m; on a self-motion its parameter.
+///     message: What happened, for a person.
 #[pyclass(name = "Event", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyEvent {
@@ -451,31 +540,31 @@ impl PyEvent {
         Ok(Self { event: Event { kind, index, t, s, message } })
     }
 
-    /// The kind as a word.
+    /// What kind of thing happened.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         event_kind_to_py(py, self.event.kind)
     }
 
-    /// Row of the trajectory.
+    /// Row of the trajectory, from 0.
     #[getter]
     fn index(&self) -> usize {
         self.event.index
     }
 
-    /// Time.
+    /// Time, s.
     #[getter]
     fn t(&self) -> f64 {
         self.event.t
     }
 
-    /// Arc length.
+    /// Arc length on the path, m.
     #[getter]
     fn s(&self) -> f64 {
         self.event.s
     }
 
-    /// What happened.
+    /// What happened, for a person.
     #[getter]
     fn message(&self) -> &str {
         &self.event.message
@@ -498,7 +587,25 @@ impl From<Event> for PyEvent {
     }
 }
 
-/// Joint positions and velocities over time.
+/// Joint positions and velocities over time, one row per instant, with what happened on the way.
+///
+/// Between its rows it is a curve, which `sample` gives and on which limits are judged: the cubic polynomial through
+/// positions and velocities of both rows (C1: the acceleration may jump at a row), or, where the rows carry
+/// accelerations, the quintic one through all three (C2).
+///
+/// Args:
+///     joint_names: The joints, base to tip.
+///     t: `(N,)` times, s, increasing.
+///     q: `(N, n)` joint positions, rad or m.
+///     qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
+///     events: What happened on the way.
+///     qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
+///     section: Per row `lead_in`, `path` or `lead_out`.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> rd.Trajectory(["shoulder", "elbow"], [0.0, 0.5], [[0.0, 1.0], [0.5, 1.0]]).qd.tolist()
+///     [[1.0, 0.0], [1.0, 0.0]]
 #[pyclass(name = "Trajectory", module = "redundancy", frozen, eq, subclass)]
 #[derive(PartialEq)]
 pub struct PyTrajectory {
@@ -571,19 +678,28 @@ impl PyTrajectory {
         build(read_vector(t, "t", None)?).map(Self::from).map_err(to_py)
     }
 
-    /// Reads a CSV file.
+    /// Read what `to_csv` writes.
+    ///
+    /// Args:
+    ///     path: The file.
     #[staticmethod]
     fn from_csv(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         py.detach(|| Trajectory::from_csv(path)).map(Self::from).map_err(to_py)
     }
 
-    /// Reads a JSON file.
+    /// Read what `to_json` writes, or a ROS `JointTrajectory` as JSON; times to the nanosecond.
+    ///
+    /// Args:
+    ///     path: The file.
     #[staticmethod]
     fn from_json(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         py.detach(|| Trajectory::from_json(path)).map(Self::from).map_err(to_py)
     }
 
-    /// Reads an npz file.
+    /// Read what `to_npz` writes.
+    ///
+    /// Args:
+    ///     path: The file.
     #[staticmethod]
     fn from_npz(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         read_npz(py, &path).map_err(|error| {
@@ -592,55 +708,68 @@ impl PyTrajectory {
         })
     }
 
-    /// Writes a CSV file.
+    /// Write `t,<joint>...,<joint>_velocity...`, one line per instant, without the events.
+    ///
+    /// `<joint>_acceleration...` and `section` follow where the trajectory has them.
+    ///
+    /// Args:
+    ///     path: The file to write.
     fn to_csv(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| self.trajectory.to_csv(path)).map_err(to_py)
     }
 
-    /// Writes a JSON file.
+    /// Write the fields of ROS `JointTrajectory`, and `events` and `section` beside them.
+    ///
+    /// `accelerations` are written where the trajectory has them.
+    ///
+    /// Args:
+    ///     path: The file to write.
     fn to_json(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| self.trajectory.to_json(path)).map_err(to_py)
     }
 
-    /// Writes an npz file.
+    /// Write the arrays `joint_names, t, q, qd` and `event_kind, event_index, event_t, event_s, event_message`.
+    ///
+    /// Args:
+    ///     path: The file to write.
     fn to_npz(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let arrays = self.arrays(py)?;
         py.import("numpy")?.getattr("savez_compressed")?.call((path,), Some(&arrays))?;
         Ok(())
     }
 
-    /// Names of the joints.
+    /// The joints, base to tip.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
         self.trajectory.joint_names().iter().map(String::as_str).collect()
     }
 
-    /// Times.
+    /// Times `(N,)`, s. A copy.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.trajectory.t())
     }
 
-    /// Joint positions.
+    /// Joint positions `(N, n)`, rad or m. A copy.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_array(py, self.trajectory.q(), [self.trajectory.rows(), self.trajectory.dof()])
     }
 
-    /// Joint velocities.
+    /// Joint velocities `(N, n)`, rad/s or m/s. A copy.
     #[getter]
     fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         to_array(py, self.trajectory.qd(), [self.trajectory.rows(), self.trajectory.dof()])
     }
 
-    /// Joint accelerations, where there are any.
+    /// Joint accelerations `(N, n)`, rad/s^2 or m/s^2, where the rows carry them. A copy.
     #[getter]
     fn qdd<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let shape = [self.trajectory.rows(), self.trajectory.dof()];
         self.trajectory.qdd().map(|qdd| to_array(py, qdd, shape)).transpose()
     }
 
-    /// The part of the motion to which each row belongs, where that is known.
+    /// Per row `lead_in`, `path` or `lead_out` `(N,)`, where that is known. A copy.
     #[getter]
     fn section<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(sections) = self.trajectory.sections() else { return Ok(None) };
@@ -649,7 +778,29 @@ impl PyTrajectory {
         py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U"))).map(Some)
     }
 
-    /// The state between the rows.
+    /// Position, velocity, acceleration and jerk of the trajectory's own interpolation.
+    ///
+    /// Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the rows
+    /// carry accelerations, else the cubic one through position and velocity of both: what ROS's
+    /// `joint_trajectory_controller` makes of the same numbers. Rows are met to the last bit. At a row, acceleration
+    /// (of the cubic) and jerk are those of the interval that begins there.
+    ///
+    /// Args:
+    ///     t: Times, s: a number or `(N,)`, from the first row's to the last row's.
+    ///
+    /// Returns:
+    ///     q, qd, qdd, qddd, each `(n,)` or `(N, n)`: rad or m, and per s, s^2, s^3.
+    ///
+    /// Raises:
+    ///     RedundancyError: A time outside of the trajectory or not finite, a trajectory without rows.
+    ///
+    /// Example:
+    ///     >>> import redundancy as rd
+    ///     >>> rest = [[0.0], [0.0]]
+    ///     >>> move = rd.Trajectory(["a"], [0.0, 2.0], [[0.0], [1.0]], rest, qdd=rest)
+    ///     >>> q, qd, qdd, qddd = move.sample(1.0)
+    ///     >>> q.tolist(), qd.tolist(), qdd.tolist(), qddd.tolist()
+    ///     ([0.5], [0.9375], [0.0], [-3.75])
     fn sample<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 4]> {
         let (times, n) = (read_rows(t, "t", &[])?, self.trajectory.dof());
         let count = times.batch.unwrap_or(1);
@@ -664,7 +815,7 @@ impl PyTrajectory {
         Ok([q?, qd?, qdd?, qddd?])
     }
 
-    /// What happened on the way.
+    /// What happened on the way, in order.
     #[getter]
     fn events(&self) -> Vec<PyEvent> {
         self.trajectory.events().iter().cloned().map(PyEvent::from).collect()
@@ -681,6 +832,11 @@ impl PyTrajectory {
         format!("Trajectory({rows} rows of {dof} joints, {duration} s, {events} events)")
     }
 
+    /// For notebooks: the range and the largest speed of each joint.
+    fn _repr_html_(&self) -> String {
+        html::table(&self.__repr__(), &JOINT_COLUMNS, &joint_rows(&self.trajectory))
+    }
+
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
         let events = PyList::new(py, self.events())?;
         let section = self.trajectory.sections();
@@ -689,6 +845,27 @@ impl PyTrajectory {
         let parts = (self.joint_names(), t, q, qd, events, qdd, section);
         Ok((py.get_type::<Self>(), parts.into_pyobject(py)?))
     }
+}
+
+/// Columns of [`joint_rows`].
+pub const JOINT_COLUMNS: [&str; 4] = ["joint", "least, rad or m", "most, rad or m", "fastest, rad/s or m/s"];
+
+/// Name, range and largest speed of each joint over the rows.
+pub fn joint_rows(trajectory: &Trajectory) -> Vec<Vec<String>> {
+    let n = trajectory.dof();
+    let column =
+        |values: &[f64], joint: usize| values.iter().skip(joint).step_by(n.max(1)).copied().collect();
+    let row = |(joint, name): (usize, &String)| {
+        let (q, qd): (Vec<f64>, Vec<f64>) = (column(trajectory.q(), joint), column(trajectory.qd(), joint));
+        if q.is_empty() {
+            return vec![name.clone(), String::new(), String::new(), String::new()];
+        }
+        let least = q.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = q.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let fastest = qd.iter().fold(0.0f64, |fastest, speed| fastest.max(speed.abs()));
+        vec![name.clone(), format!("{least:.4}"), format!("{most:.4}"), format!("{fastest:.4}")]
+    };
+    trajectory.joint_names().iter().enumerate().map(row).collect()
 }
 
 /// `(N, n)` joint rows, flattened.
@@ -738,7 +915,21 @@ fn read_smoothing(object: &Bound<'_, PyAny>) -> PyResult<usize> {
     object.extract::<Integer>()?.count("smoothing", 0)
 }
 
-/// Times for joint rows from velocity limits.
+/// Times for joint rows, from 0, so that no joint is faster than a share of its velocity limit.
+///
+/// The rate of rows is the largest that the limits allow, smoothed from below over a window of rows.
+///
+/// Args:
+///     q: `(N, n)` joint positions, rad or m.
+///     velocity_limits: `(n,)`, rad/s or m/s, `inf` for none.
+///     velocity_fraction: Share of each limit that may be used, in (0, 1].
+///     smoothing: Half-width of the smoothing window in rows; 0 is off.
+///
+/// Returns:
+///     `(N,)`, s.
+///
+/// Raises:
+///     RedundancyError: Invalid numbers, or a step in which only joints without a limit move.
 #[pyfunction]
 #[pyo3(name = "times_within_limits", signature = (q, velocity_limits, *, velocity_fraction=0.9, smoothing=10))]
 pub fn py_times_within_limits<'py>(

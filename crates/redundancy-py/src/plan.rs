@@ -15,14 +15,32 @@ use crate::chain::PyChain;
 use crate::convert::{read_array, read_rows, read_seed, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
+use crate::html;
 use crate::orientation_plan::SpinArgument;
-use crate::path::{PyPath, PyTrajectory, read_arrays};
+use crate::path::{JOINT_COLUMNS, PyPath, PyTrajectory, joint_rows, read_arrays};
 use crate::speed::{JointLimits, read_limits};
 use crate::status::status_to_py;
 use crate::task::read_task;
 use crate::watch::watched_aside;
 
-/// How far the tool may lean and spin away from the path's orientation.
+/// How far the tool may lean and spin away from the path's orientation at each point.
+///
+/// The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
+/// swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
+///
+/// Args:
+///     half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
+///     spin: Largest spin to either side of the path's orientation, rad, or `"free"`.
+///     axis: Tool axis `(3,)` in the tool frame, of any length; z when left out.
+///
+/// Raises:
+///     RedundancyError: An angle out of its range, an axis without length.
+///
+/// Example:
+///     >>> import numpy as np
+///     >>> import redundancy as rd
+///     >>> rd.ToolFreedom(half_angle=np.deg2rad(20), spin="free").spin
+///     'free'
 #[pyclass(name = "ToolFreedom", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyToolFreedom {
@@ -32,7 +50,8 @@ pub struct PyToolFreedom {
 #[pymethods]
 impl PyToolFreedom {
     #[new]
-    #[pyo3(signature = (half_angle=0.0, spin=SpinArgument::Angle(0.0), axis=None))]
+    #[pyo3(signature = (half_angle=0.0, spin=SpinArgument::Angle(0.0), axis=None),
+    text_signature = "(half_angle=0.0, spin=0.0, axis=None)")]
     fn new(half_angle: f64, spin: SpinArgument, axis: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let axis = axis.map_or(Ok([0.0, 0.0, 1.0]), |axis| read_array(axis, "axis"))?;
         let spin = match spin {
@@ -81,7 +100,16 @@ impl PyToolFreedom {
     }
 }
 
-/// A motion along a path with its verdict.
+/// A motion along a path with its verdict: what every planner and every step-by-step scheme returns.
+///
+/// A `Trajectory` with what happened to the freedom in each row. A column that the scheme does not know is `None`.
+///
+/// Example:
+///     >>> import numpy as np, redundancy as rd
+///     >>> arm = rd.SrsArm(rd.catalog.load("pa10"))
+///     >>> plan = rd.plan_swivel(arm, rd.paths.circle([0.45, 0, 0.5], 0.12, orientation=np.diag([1, -1, -1]), n=50))
+///     >>> str(plan.status), plan.legal, len(plan.spare["swivel"])
+///     ('converged', True, 50)
 #[pyclass(name = "Plan", module = "redundancy", frozen, subclass, extends = PyTrajectory)]
 pub struct PyPlan {
     pub plan: Plan,
@@ -94,7 +122,8 @@ impl PyPlan {
     /// Times for the rows of the plan: as fast as every limit allows, from rest to rest.
     ///
     /// Args:
-    ///     chain: the arm; a plan that comes straight from `rd.plan` knows it, one from a file or another planner does not.
+    ///     chain: the arm; a plan that comes straight from `rd.plan` knows it, one from a file or another planner does
+    ///         not.
     ///     **options: the keyword arguments of `rd.retime`.
     ///
     /// Returns:
@@ -123,7 +152,7 @@ impl PyPlan {
         py.import("redundancy._core")?.getattr("retime")?.call((chain, slf), options)
     }
 
-    /// What the planner did.
+    /// What the planner did: `converged` (continuous, legal, a local optimum), or why not.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.plan.status())
@@ -135,25 +164,27 @@ impl PyPlan {
         self.plan.reason()
     }
 
-    /// Whether limits, task, contact and continuity hold; `None` where that was not checked.
+    /// Whether limits, task, contact and continuity hold on the verification grid, whatever the status.
     #[getter]
     fn legal(&self) -> Option<bool> {
         self.plan.legal()
     }
 
-    /// Whether the verdict is exact.
+    /// True when the status is exact, False when it is that of the best of a finite search.
+    ///
+    /// `converged` says that the motion was verified, not that there is no cheaper one.
     #[getter]
     fn proven(&self) -> bool {
         self.plan.proven()
     }
 
-    /// What was minimised, summed over the path.
+    /// What was minimised, summed over the path, without a unit.
     #[getter]
     fn cost(&self) -> Option<f64> {
         self.plan.cost()
     }
 
-    /// Rows before which the arm must change its configuration.
+    /// Rows before which the arm must change its configuration; none when `converged`.
     #[getter]
     fn reconfigurations(&self) -> Vec<usize> {
         self.plan.reconfigurations().iter().map(|change| change.row).collect()
@@ -177,13 +208,13 @@ impl PyPlan {
         self.plan.blocked().iter().map(|point| point.reason.clone()).collect()
     }
 
-    /// Arc length of each row, m.
+    /// Arc length `(N,)` of each row, m.
     #[getter]
     fn s<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.plan.s().map(|s| PyArray1::from_slice(py, s))
     }
 
-    /// Tool pose of each row, `(N, 4, 4)`.
+    /// Tool poses `(N, 4, 4)`.
     #[getter]
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(poses) = self.plan.poses() else { return Ok(None) };
@@ -191,43 +222,43 @@ impl PyPlan {
         Ok(Some(to_array(py, &flat, [poses.len(), 4, 4])?.into_any()))
     }
 
-    /// Rotation vector of the swing across the tool axis, `(N, 2)`, rad.
+    /// Rotation vector `(N, 2)` of the swing across the tool axis, rad.
     #[getter]
     fn tilt<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         self.plan.tilt().map(|tilt| to_array(py, tilt.as_flattened(), [tilt.len(), 2])).transpose()
     }
 
-    /// Twist about the tool axis, rad, continuous.
+    /// Twist `(N,)` about the tool axis against the path's orientation, rad, continuous.
     #[getter]
     fn spin<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.plan.spin().map(|spin| PyArray1::from_slice(py, spin))
     }
 
-    /// Smallest distance to a joint position limit in each row, rad or m.
+    /// Smallest distance `(N,)` to a joint position limit, rad or m; `inf` where no joint has one.
     #[getter]
     fn margin<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.plan.margin().map(|margin| PyArray1::from_slice(py, margin))
     }
 
-    /// Distance from the obstacles of each row, m.
+    /// Distance `(N,)` from the obstacles, m.
     #[getter]
     fn clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.plan.clearance().map(|clearance| PyArray1::from_slice(py, clearance))
     }
 
-    /// Distance between links of the arm of each row, m.
+    /// Distance `(N,)` between links of the arm, m.
     #[getter]
     fn self_clearance<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.plan.self_clearance().map(|clearance| PyArray1::from_slice(py, clearance))
     }
 
-    /// Part of the cost of each row.
+    /// Part of the cost `(N,)` of each row.
     #[getter]
     fn row_cost<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.plan.row_cost().map(|cost| PyArray1::from_slice(py, cost))
     }
 
-    /// The piece of the solutions of each row, an index of `piece_labels`.
+    /// The piece `(N,)` of the solutions of each row, an index of `piece_labels`.
     #[getter]
     fn piece<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<i64>>> {
         self.plan.pieces().map(|pieces| PyArray1::from_iter(py, pieces.index.iter().map(|i| *i as i64)))
@@ -239,7 +270,7 @@ impl PyPlan {
         self.plan.pieces().map_or_else(Vec::new, |pieces| pieces.labels.clone())
     }
 
-    /// The spare coordinates that have names: values of each row.
+    /// The spare coordinates that have names: values `(N,)`, rad or m.
     #[getter]
     fn spare<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
@@ -256,7 +287,13 @@ impl PyPlan {
         Ok(())
     }
 
-    /// Reads what `to_npz` wrote.
+    /// Read what `to_npz` wrote.
+    ///
+    /// Args:
+    ///     path: The file.
+    ///
+    /// Raises:
+    ///     RedundancyError: A file that cannot be read or holds no plan.
     #[staticmethod]
     fn from_npz(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, Self>> {
         let broken = |error: PyErr| {
@@ -280,6 +317,31 @@ impl PyPlan {
         let reason = if plan.reason().is_empty() { String::new() } else { format!(": {}", plan.reason()) };
         let cost = plan.cost().map_or(String::new(), |cost| format!(", cost {cost:.6}"));
         format!("Plan({} rows, {}{cost}{reason})", plan.rows(), plan.status())
+    }
+
+    /// For notebooks: the verdict with its numbers, then the joints as of a trajectory.
+    fn _repr_html_(this: &Bound<'_, Self>) -> PyResult<String> {
+        let plan = &this.get().plan;
+        let word =
+            |legal: Option<bool>| legal.map_or("not checked", |legal| if legal { "yes" } else { "no" });
+        let least = |values: &[f64]| values.iter().copied().reduce(f64::min);
+        let numbers = [
+            ("cost", plan.cost()),
+            ("least distance to a joint limit, rad or m", plan.margin().and_then(least)),
+            ("least distance from obstacles, m", plan.clearance().and_then(least)),
+            ("least distance between links, m", plan.self_clearance().and_then(least)),
+        ];
+        let mut rows = vec![html::entry("status", plan.status()), html::entry("reason", plan.reason())];
+        rows.push(html::entry("legal", word(plan.legal())));
+        rows.push(html::entry("proven", word(Some(plan.proven()))));
+        let known =
+            |(name, value): (&str, Option<f64>)| value.map(|value| html::entry(name, format!("{value:.6}")));
+        rows.extend(numbers.into_iter().filter_map(known));
+        rows.push(html::entry("reconfigurations", plan.reconfigurations().len()));
+        rows.push(html::entry("blocked points", plan.blocked().len()));
+        let verdict = html::table(&this.repr()?.to_string(), &[], &rows);
+        let joints = html::table("joints", &JOINT_COLUMNS, &joint_rows(plan.trajectory()));
+        Ok(verdict + &joints)
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
@@ -439,12 +501,56 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
     })
 }
 
-/// Plans a whole path for any arm with any freedom.
+/// Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
+///
+/// Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
+/// once,
+/// with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
+///
+///     plan = rd.plan(rd.catalog.load("panda"), path)
+///     plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
+///
+/// Args:
+///     chain: The arm, of `n` joints.
+///     path: Poses or positions to follow, one row of the plan for each.
+///     freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
+///     task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+///     cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
+///     q_start: Configuration `(n,)` at the first point.
+///     q_end: Configuration `(n,)` at the last point.
+///     objective: `"motion"`, `"length"` (of the joint motion), or `"peak_speed"` (the largest joint speed times
+///         `speed_weights`, then the motion; needs times).
+///     motion_weight: Weight of the joint motion. Default 0.5.
+///     limit_weight: Weight of the distance from the joint limits. Default 1.
+///     criterion: Minimised or maximised along the path, as its sense says.
+///     criterion_weight: Its weight.
+///     joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
+///     tool_speed: Constant speed of the tool, m/s, instead of the path's times.
+///     velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps where there are times.
+///         `"chain"` takes the chain's, `None` is off. No joint turns by more than an eighth of a turn between rows.
+///     speed_weights: Weight `(n,)` of each joint in the peak speed. Default one over its limit.
+///     margin: Distance kept from every joint position limit, rad or m.
+///     time_limit: Seconds after which the best so far is returned, with status `time_limit`.
+///     seed: Seed of the random postures; the same seed gives the same plan.
+///     threads: Threads to use; all cores by default.
+///     progress: Called with the share of the work that is done. Ctrl-C returns the best so far.
+///
+/// Returns:
+///     The plan; its `status` says what was possible.
+///
+/// Raises:
+///     RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or
+///         break
+///         limits, a closed plan of an open path.
 #[pyfunction(name = "plan")]
 #[pyo3(signature = (chain, path, freedom=None, *, task=None, cyclic=false, q_start=None, q_end=None,
     objective="motion", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0,
     joint_weights=None, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
-    speed_weights=None, margin=0.0, time_limit=10.0, seed=0, threads=None, progress=None))]
+    speed_weights=None, margin=0.0, time_limit=10.0, seed=0, threads=None, progress=None),
+    text_signature = "(chain, path, freedom=None, *, task=None, cyclic=False, q_start=None, q_end=None, \
+    objective=\"motion\", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0, \
+    joint_weights=None, tool_speed=None, velocity_limits=\"chain\", speed_weights=None, margin=0.0, \
+    time_limit=10.0, seed=0, threads=None, progress=None)")]
 pub fn py_plan<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,

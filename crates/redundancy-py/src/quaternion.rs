@@ -76,7 +76,12 @@ fn unit(what: &str, wxyz: [f64; 4]) -> Result<UnitQuaternion<f64>> {
     })
 }
 
-/// The rotation `b` and then, about axes that stand, the rotation `a`.
+/// `a * b`: the rotation b and then, about axes that stand, a. `(4,)` or `(N, 4)` each; one counts for many.
+///
+/// Args:
+///     a: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+///     b: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (a, b, *, threads=None))]
 pub fn quaternion_product<'py>(
@@ -94,7 +99,11 @@ pub fn quaternion_product<'py>(
     })
 }
 
-/// The inverse rotation.
+/// `(w, -x, -y, -z)`, the inverse rotation, of `(4,)` or `(N, 4)`.
+///
+/// Args:
+///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (q, *, threads=None))]
 pub fn quaternion_conjugate<'py>(
@@ -110,7 +119,12 @@ pub fn quaternion_conjugate<'py>(
     })
 }
 
-/// Vectors turned by rotations.
+/// Vectors `(3,)` or `(N, 3)` turned by `(4,)` or `(N, 4)`; one counts for many.
+///
+/// Args:
+///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+///     v: `(3,)` or `(N, 3)`, any unit.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (q, v, *, threads=None))]
 pub fn quaternion_rotate<'py>(
@@ -129,7 +143,12 @@ pub fn quaternion_rotate<'py>(
     })
 }
 
-/// Rotations about axes.
+/// Rotation by `angle`, rad, a number or `(N,)`, about `axis` `(3,)` or `(N, 3)` of any length.
+///
+/// Args:
+///     axis: `(3,)` or `(N, 3)`, of any length.
+///     angle: A number or `(N,)`, rad.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (axis, angle, *, threads=None))]
 pub fn quaternion_from_axis_angle<'py>(
@@ -147,7 +166,11 @@ pub fn quaternion_from_axis_angle<'py>(
     })
 }
 
-/// Axes and angles of rotations.
+/// Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of no rotation is z.
+///
+/// Args:
+///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (q, *, threads=None))]
 pub fn quaternion_to_axis_angle<'py>(
@@ -171,7 +194,14 @@ pub fn quaternion_to_axis_angle<'py>(
     PyTuple::new(py, [axis, angle])
 }
 
-/// Quaternions of rotation matrices.
+/// Quaternion with a scalar part >= 0 of a rotation `(3, 3)` or `(N, 3, 3)`, or of an object with `as_matrix()`.
+///
+/// A matrix that is off by up to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest
+/// rotation.
+///
+/// Args:
+///     matrix: Rotations `(3, 3)` or `(N, 3, 3)`.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (matrix, *, threads=None))]
 pub fn quaternion_from_matrix<'py>(
@@ -189,7 +219,11 @@ pub fn quaternion_from_matrix<'py>(
     })
 }
 
-/// Rotation matrices of quaternions.
+/// Rotation matrix `(3, 3)` of `(4,)`, or `(N, 3, 3)` of `(N, 4)`.
+///
+/// Args:
+///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+///     threads: Threads for a batch; all cores when left out.
 #[pyfunction]
 #[pyo3(signature = (q, *, threads=None))]
 pub fn quaternion_to_matrix<'py>(
@@ -207,7 +241,27 @@ pub fn quaternion_to_matrix<'py>(
     })
 }
 
-/// Poses from positions and orientations.
+/// A pose from a position and at most one form of orientation.
+///
+/// Args:
+///     position: `(3,)` or `(N, 3)`, m.
+///     quaternion_wxyz: `(4,)` or `(N, 4)`, scalar first; a norm within 1e-3 of 1 is normalised, others are refused.
+///     rpy: `(3,)` or `(N, 3)` roll, pitch, yaw, rad, in the order of a URDF: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+///         (`quaternion.from_rpy` takes the angles in the order of the product, z first.)
+///     matrix: `(3, 3)` or `(N, 3, 3)` rotation, or an object with `as_matrix()`. A matrix that is off by up to 1e-3
+///         (largest deviation of a singular value from 1) is replaced by the nearest rotation.
+///
+/// Returns:
+///     `(4, 4)`, or `(N, 4, 4)` where an argument has a leading axis.
+///
+/// Raises:
+///     RedundancyError: More than one orientation, wrong shapes, numbers that are not finite; a quaternion or matrix
+///         that is farther off, or a reflection, with the measured value.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> rd.pose((0.4, 0.0, 0.3), quaternion_wxyz=(0, 1, 0, 0))[:3, 2].tolist()
+///     [0.0, 0.0, -1.0]
 #[pyfunction]
 #[pyo3(name = "pose", signature = (position, quaternion_wxyz=None, rpy=None, matrix=None))]
 pub fn py_pose<'py>(

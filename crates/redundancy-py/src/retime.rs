@@ -9,7 +9,7 @@ use crate::path::PyTrajectory;
 use crate::plan::read_chain;
 use crate::speed::{JointLimits, read_limits};
 
-/// A joint path with its times.
+/// A joint path with its times: what `retime` returns, the trajectory with what was done to it.
 #[pyclass(name = "RetimedTrajectory", module = "redundancy", frozen, extends = PyTrajectory)]
 pub struct PyRetimed {
     limiting: Vec<Option<String>>,
@@ -32,25 +32,31 @@ impl PyRetimed {
         PyClassInitializer::from(base).add_subclass(Self { limiting, path_rows, stops, stretched })
     }
 
-    /// Per row: the limit that it comes nearest to.
+    /// Per row (N): the limit that it comes nearest to.
+    ///
+    /// `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None
+    /// where
+    /// nothing moves.
     #[getter]
     fn limiting(&self) -> Vec<Option<String>> {
         self.limiting.clone()
     }
 
-    /// Rows that are rows of the path.
+    /// Rows of the trajectory that are rows of the path, one for each, in order.
+    ///
+    /// With `dt=` the rows nearest to them.
     #[getter]
     fn path_rows(&self) -> Vec<usize> {
         self.path_rows.clone()
     }
 
-    /// Rows of the path at which the arm stops on the way.
+    /// Rows of the path at which the arm stops on the way: corners, and rows that repeat.
     #[getter]
     fn stops(&self) -> Vec<usize> {
         self.stops.clone()
     }
 
-    /// Largest factor by which a stretch was slowed down evenly after it was solved.
+    /// Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none.
     #[getter]
     fn stretched(&self) -> f64 {
         self.stretched
@@ -80,11 +86,50 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
     retimed.limiting.iter().map(|limit| limit.as_ref().map(word)).collect()
 }
 
-/// Times for a joint path.
+/// Times for a joint path: as fast as every limit allows, from rest to rest.
+///
+/// The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
+/// is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
+/// Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
+/// Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows
+/// get rows in between (`path_rows` says which are the path's own).
+///
+/// Args:
+///     chain: the arm, `n` joints.
+///     trajectory: a trajectory or plan whose times are replaced, or joint rows `(N, n)`, rad or m.
+///     tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
+///     velocity_limits: `(n,)`, rad/s or m/s, "chain" for those of the chain, None for none.
+///     acceleration_limits: `(n,)`, rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
+///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
+///     torque_limits: `(n,)`, N m or N, "chain" or None; needs a chain with inertias.
+///     at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
+///     corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
+///         turning of a smooth curve from row to row does not count.
+///     dt: rows at these intervals (s) in place of the rows of the path.
+///     rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
+///         where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
+///     gravity: `(3,)`, m/s^2, world axes.
+///
+/// Returns:
+///     The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
+///
+/// Raises:
+///     RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
+///         neither an acceleration nor a torque limit.
+///     CannotFollowError: a torque limit that does not hold the arm at rest.
+///
+/// Example:
+///     >>> import numpy as np
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("panda")
+///     >>> move = rd.retime(arm, np.linspace(arm.lower * 0.5, arm.upper * 0.5, 50), jerk_limits=500.0)
 #[pyfunction]
 #[pyo3(name = "retime", signature = (chain, trajectory, *, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
     acceleration_limits=Some(JointLimits::Word("chain".into())), jerk_limits=None, torque_limits=None, at_rest=true, corner_angle=0.02,
-    dt=None, rows_between=true, gravity=STANDARD_GRAVITY))]
+    dt=None, rows_between=true, gravity=STANDARD_GRAVITY),
+    text_signature = "(chain, trajectory, *, tool_speed=None, velocity_limits=\"chain\", acceleration_limits=\"chain\", \
+    jerk_limits=None, torque_limits=None, at_rest=True, corner_angle=0.02, dt=None, \
+    rows_between=True, gravity=(0.0, 0.0, -9.81))")]
 pub fn py_retime<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,

@@ -142,7 +142,24 @@ fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
     out.copy_from_slice(m.as_slice());
 }
 
-/// Orientations whose body axis lies within a half-angle of a direction.
+/// All orientations whose body axis lies within a half-angle of a direction; the spin about the axis is free.
+///
+/// The margin is `(direction . R(q) body_axis - cos half_angle) / 2`, the paper's `eta^2 - q1^2 - q2^2`
+/// [FromGravdahl2009, eqs. (15), (23), (33)]. `q` is a unit quaternion `(w, x, y, z)`, `(4,)` or `(N, 4)`.
+///
+/// Args:
+///     body_axis: `(3,)`, in the body frame, of any length.
+///     direction: `(3,)`, in the reference frame, of any length.
+///     half_angle: rad, in (0, pi).
+///
+/// Raises:
+///     RedundancyError: an axis without length, a half-angle outside (0, pi), a number that is not finite.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> cone = rd.Cone([0, 0, 1], [0, 0, -1], 0.3)
+///     >>> round(cone.margin([0, 0, 1, 0]), 6)  # straight down: sin^2(0.15)
+///     0.022332
 #[pyclass(name = "Cone", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyCone {
@@ -157,56 +174,89 @@ impl PyCone {
         Ok(Self { cone: Cone::new(b, d, half_angle).map_err(to_py)? })
     }
 
-    /// The body z axis around a direction.
+    /// Cone of the body z axis around `direction`.
+    ///
+    /// Args:
+    ///     direction: `(3,)`, world axes, of any length.
+    ///     half_angle: rad, in (0, pi).
     #[staticmethod]
     fn z(direction: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
         Ok(Self { cone: Cone::z(read_array(direction, "direction")?, half_angle).map_err(to_py)? })
     }
 
-    /// The body x axis around a direction.
+    /// Cone of the body x axis around `direction` [FromGravdahl2009, eq. (23)].
+    ///
+    /// Args:
+    ///     direction: `(3,)`, world axes, of any length.
+    ///     half_angle: rad, in (0, pi).
     #[staticmethod]
     fn x(direction: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
         Ok(Self { cone: Cone::x(read_array(direction, "direction")?, half_angle).map_err(to_py)? })
     }
 
-    /// The body z axis around -z.
+    /// The body z axis within `half_angle` (rad) of -z [FromGravdahl2009, eq. (33)].
     #[staticmethod]
     fn downward(half_angle: f64) -> PyResult<Self> {
         Ok(Self { cone: Cone::downward(half_angle).map_err(to_py)? })
     }
 
-    /// A body axis around the same axis of a frame.
+    /// The body axis `axis` around the same axis of `frame` `(w, x, y, z)` [FromGravdahl2009, eq. (24)].
+    ///
+    /// Args:
+    ///     frame: Unit quaternion `(4,)`.
+    ///     axis: `(3,)`, body axes, of any length.
+    ///     half_angle: rad, in (0, pi).
     #[staticmethod]
     fn of_frame(frame: &Bound<'_, PyAny>, axis: &Bound<'_, PyAny>, half_angle: f64) -> PyResult<Self> {
         let frame = quaternion(frame, "frame")?;
         Ok(Self { cone: Cone::of_frame(&frame, read_array(axis, "axis")?, half_angle).map_err(to_py)? })
     }
 
+    /// Unit axis in the body frame, `(3,)`.
     #[getter]
     fn body_axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         vector(py, &self.cone.body_axis())
     }
 
+    /// Unit direction in the reference frame, `(3,)`.
     #[getter]
     fn direction<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         vector(py, &self.cone.direction())
     }
 
+    /// Half-angle, rad.
     #[getter]
     fn half_angle(&self) -> f64 {
         self.cone.half_angle()
     }
 
+    /// Angle, rad in [0, pi], between the rotated body axis and the direction: a float, or `(N,)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn angle<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.angle(q))
     }
 
+    /// Smooth margin, positive inside: a float, or `(N,)` for a batch.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.margin(q))
     }
 
+    /// Gradient of the margin along rotation vectors in body axes, 1/rad: `(3,)` or `(N, 3)`.
+    ///
+    /// It is the derivative of `margin(q * exp(delta))` at `delta = 0`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
@@ -214,6 +264,11 @@ impl PyCone {
         })
     }
 
+    /// Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.cone.hessian(q), out))
@@ -240,7 +295,25 @@ impl PyCone {
     }
 }
 
-/// Orientations turned about a body axis by at most an angle from a reference.
+/// All orientations turned about a body axis by at most an angle from a reference; its direction is free.
+///
+/// With `r = conj(reference) * q` and `r3` its part along the axis the margin is `kappa^2 - (r3 / r0)^2`,
+/// `kappa = tan(max_angle / 2)` [FromGravdahl2009, eqs. (20), (46)]. Where the axis is turned by half a turn
+/// the spin is undefined and counts as far outside: for a tool that points down the reference must too.
+///
+/// Args:
+///     reference: `(4,)`, unit quaternion `(w, x, y, z)`.
+///     max_angle: rad, in (0, pi).
+///     axis: `(3,)`, in the body frame.
+///
+/// Raises:
+///     RedundancyError: a reference that is not of unit norm, an axis without length, an angle outside (0, pi).
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> spin = rd.Spin([1, 0, 0, 0], 0.5)
+///     >>> round(spin.twist(rd.quaternion.from_zyz([0.3, 0.2, 0.1])), 6)
+///     0.4
 #[pyclass(name = "Spin", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PySpin {
@@ -256,7 +329,12 @@ impl PySpin {
         Ok(Self { spin: Spin::new(quaternion(reference, "reference")?, max_angle, axis).map_err(to_py)? })
     }
 
-    /// The same about an axis given in the world frame.
+    /// The same about an axis given in the frame that `reference` is measured in.
+    ///
+    /// Args:
+    ///     reference: Unit quaternion `(4,)` from which the twist is measured.
+    ///     max_angle: Largest twist to either side, rad.
+    ///     axis: `(3,)`, of any length.
     #[staticmethod]
     fn about_world_axis(
         reference: &Bound<'_, PyAny>,
@@ -268,31 +346,51 @@ impl PySpin {
         Ok(Self { spin: spin.map_err(to_py)? })
     }
 
+    /// Reference orientation `(w, x, y, z)`.
     #[getter]
     fn reference<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wxyz(py, &self.spin.reference())
     }
 
+    /// Largest twist, rad.
     #[getter]
     fn max_angle(&self) -> f64 {
         self.spin.max_angle()
     }
 
+    /// Unit axis in the body frame, `(3,)`.
     #[getter]
     fn axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         vector(py, &self.spin.axis())
     }
 
+    /// Twist against the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn twist<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.twist(q))
     }
 
+    /// Smooth margin, positive inside: a float, or `(N,)` for a batch.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.margin(q))
     }
 
+    /// Gradient of the margin along rotation vectors in body axes, 1/rad: `(3,)` or `(N, 3)`.
+    ///
+    /// It is the derivative of `margin(q * exp(delta))` at `delta = 0`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
@@ -300,6 +398,11 @@ impl PySpin {
         })
     }
 
+    /// Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.spin.hessian(q), out))
@@ -316,7 +419,24 @@ impl PySpin {
     }
 }
 
-/// A set of orientations: bounded rotations in sequence, or a cone.
+/// A set of orientations: rotations about fixed axes within bounds, or a cone.
+///
+/// `q` is in the set when it is `P * Q(phi_1, n_1) * ... * Q(phi_k, n_k) * S` with every angle in its range
+/// [FromGravdahl2007, eqs. (6), (7), (12)]. Ranges are pairs (low, high) in rad; one of a full turn or more is
+/// free. Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
+///
+/// Raises:
+///     RedundancyError: no axes, parallel consecutive axes, an axis without length, a bound that
+///         is not finite, a lower above its upper bound, a quaternion that is not of unit norm.
+///
+/// Example:
+///     >>> import math
+///     >>> import redundancy as rd
+///     >>> volume = rd.QuaternionVolume.zyz((-math.pi, math.pi), (0, 0.3), (-0.5, 0.5))
+///     >>> volume.contains(rd.quaternion.from_zyz([1.0, 0.2, 0.4]))
+///     True
+///     >>> round(volume.margin(rd.quaternion.from_zyz([1.0, 0.2, 0.6])), 6)
+///     -0.1
 #[pyclass(name = "QuaternionVolume", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyQuaternionVolume {
@@ -350,26 +470,47 @@ impl PyQuaternionVolume {
 
 #[pymethods]
 impl PyQuaternionVolume {
+    /// `Rz(alpha) Ry(beta) Rz(gamma)` with a range (low, high), rad, for each.
     #[staticmethod]
     fn zyz(alpha: [f64; 2], beta: [f64; 2], gamma: [f64; 2]) -> PyResult<Self> {
         Self::from_core(QuaternionVolume::zyz(alpha, beta, gamma))
     }
 
+    /// `Rx(alpha) Ry(beta) Rz(gamma)` with a range (low, high), rad, for each.
     #[staticmethod]
     fn xyz(alpha: [f64; 2], beta: [f64; 2], gamma: [f64; 2]) -> PyResult<Self> {
         Self::from_core(QuaternionVolume::xyz(alpha, beta, gamma))
     }
 
+    /// Rotations about one axis by an angle in `range`, rad.
+    ///
+    /// Args:
+    ///     axis: `(3,)`, of any length.
+    ///     range: Least and largest angle, rad.
     #[staticmethod]
     fn single_axis(axis: &Bound<'_, PyAny>, range: [f64; 2]) -> PyResult<Self> {
         Self::from_core(QuaternionVolume::single_axis(read_array(axis, "axis")?, range))
     }
 
+    /// Tilts about x and y within half-angles (rad, below pi/2), the spin about z free.
+    ///
+    /// Args:
+    ///     half_x: Half-angle of the tilt about x, rad.
+    ///     half_y: Half-angle of the tilt about y, rad.
     #[staticmethod]
     fn pyramid(half_x: f64, half_y: f64) -> PyResult<Self> {
         Self::from_core(QuaternionVolume::pyramid(half_x, half_y))
     }
 
+    /// Orientations whose body axis `axis` is within `half_angle` (rad) of `direction`.
+    ///
+    /// Without `direction` it is `axis` itself, where the identity puts it. The cone around -z is then the one
+    /// around z: for a tool z axis that points down give `cone([0, 0, 1], half_angle, [0, 0, -1])`.
+    ///
+    /// Args:
+    ///     axis: `(3,)`, body axes, of any length.
+    ///     half_angle: rad.
+    ///     direction: `(3,)`, of any length; `axis` when left out.
     #[staticmethod]
     #[pyo3(signature = (axis, half_angle, direction=None))]
     fn cone(
@@ -384,6 +525,12 @@ impl PyQuaternionVolume {
         })
     }
 
+    /// Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost.
+    ///
+    /// Args:
+    ///     axes: `(k, 3)`, k from 1 to 3.
+    ///     lower: `(k,)`, rad.
+    ///     upper: `(k,)`, rad.
     #[staticmethod]
     fn from_axes(
         axes: &Bound<'_, PyAny>,
@@ -396,12 +543,18 @@ impl PyQuaternionVolume {
         Self::from_core(QuaternionVolume::from_axes(axes, &lower, &upper))
     }
 
-    /// Number of rotations.
+    /// Number of rotations; 3 for a cone.
     #[getter]
     fn dimension(&self) -> usize {
         self.volume.dimension()
     }
 
+    /// Whether `q` is a member to `tol` (rad; for a cone in its margin's unit): a bool, or `(N,)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     tol: How far outside still counts, rad, or in the margin's unit of a cone.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, tol=1e-9, *, threads=None))]
     fn contains<'py>(
         &self,
@@ -413,11 +566,27 @@ impl PyQuaternionVolume {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.contains(q, tol))
     }
 
+    /// Signed margin, >= 0 inside: a float, or `(N,)`.
+    ///
+    /// For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`; pi without any bound,
+    /// and minus the angle (rad) from a set of fewer than three rotations when `q` is off it. With more than three
+    /// rotations, which write `q` in a family of ways, of the way that stays farthest from the bounds (to 1e-9 rad).
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.margin(q))
     }
 
+    /// Angles of `q` in the sequence, rad, `(k,)` or `(N, k)`; for a cone the ZYZ angles seen from its axis.
+    ///
+    /// Of the ways to write `q` the one that stays farthest from the bounds.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn angles<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         let k = self.volume.dimension();
@@ -426,11 +595,20 @@ impl PyQuaternionVolume {
         })
     }
 
+    /// The orientation `(w, x, y, z)` at the angles `(k,)`, rad; bounds are not applied.
     fn at<'py>(&self, py: Python<'py>, angles: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let q = self.volume.at(&read_vector(angles, "angles", None)?).map_err(to_py)?;
         Ok(wxyz(py, &q))
     }
 
+    /// Visualising quaternion `(cos psi/2, sin(psi/2) z)` [FromGravdahl2007, eq. (8)]: `(4,)` or `(N, 4)`.
+    ///
+    /// `z` is the rotated last axis (of a cone its axis), `psi` the rotation about it: with `q` it makes the pair
+    /// (Q, V) of the paper.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn visualising<'py>(
         &self,
@@ -442,6 +620,11 @@ impl PyQuaternionVolume {
         })
     }
 
+    /// The member nearest to `q`, on its side of the double cover: `(4,)` or `(N, 4)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn nearest<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[4], threads, |q, out: &mut [f64]| {
@@ -449,6 +632,11 @@ impl PyQuaternionVolume {
         })
     }
 
+    /// `P * V` (left: the set moves in the reference frame) or `V * P` (right: another body frame).
+    ///
+    /// Args:
+    ///     p: Unit quaternion `(4,)`.
+    ///     side: `"left"` or `"right"`.
     #[pyo3(signature = (p, side="left"))]
     fn reoriented(&self, p: &Bound<'_, PyAny>, side: &str) -> PyResult<Self> {
         let p = quaternion(p, "p")?;
@@ -462,6 +650,7 @@ impl PyQuaternionVolume {
         }
     }
 
+    /// `n` members `(n, 4)`, uniform with respect to the invariant measure; the same seed, the same bits.
     #[pyo3(signature = (n, seed=0))]
     fn sample<'py>(
         &self,
@@ -489,6 +678,13 @@ impl PyQuaternionVolume {
         Ok(values.finish().into_any())
     }
 
+    /// Where the tool axis z meets the plane at `distance` across its undisturbed direction.
+    ///
+    /// Extents are `distance * sin(tilt)` for a distance along the tool, `distance * tan(tilt)` for one along the
+    /// plane's normal [FromGravdahl2007, section 8, with the ground truth's correction].
+    ///
+    /// Raises:
+    ///     RedundancyError: a tilt of 90 degrees or more, or a volume whose section has no name.
     #[pyo3(signature = (distance, along="tool"))]
     fn cross_section(&self, distance: f64, along: &str) -> PyResult<PyCrossSection> {
         let measured = match along {
@@ -551,7 +747,7 @@ impl PyQuaternionVolume {
     }
 }
 
-/// Where the tool axis can meet a plane.
+/// Where the tool axis of a volume can meet a plane.
 #[pyclass(name = "CrossSection", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyCrossSection {
@@ -566,16 +762,19 @@ impl PyCrossSection {
         Ok(Self { section })
     }
 
+    /// `point`, `line`, `square` or `disc`.
     #[getter]
     fn shape(&self) -> &'static str {
         self.section.shape.as_str()
     }
 
+    /// Range along x, in the unit of the distance.
     #[getter]
     fn x(&self) -> (f64, f64) {
         self.section.x.into()
     }
 
+    /// Range along y, in the unit of the distance.
     #[getter]
     fn y(&self) -> (f64, f64) {
         self.section.y.into()
@@ -614,6 +813,35 @@ fn read_barrier(item: &Bound<'_, PyAny>, index: usize) -> PyResult<Barrier> {
 type OptimizerArguments<'py> = (Bound<'py, PyList>, &'static str);
 
 /// Finds the orientation that minimises a weighted sum of logarithmic barriers.
+///
+/// Minimises `sum_i weight_i * -log(margin_i(q))` [FromGravdahl2009, eqs. (27), (34), (43), (46)].
+///
+/// Where the minimiser is not unique (the spin about a common axis of cones) the one that the least rotation
+/// reaches from `q0` is returned, so that a path whose solutions are passed on as `q0` is continuous; without `q0`
+/// it is `swing(u -> z) * [0, 0, 1, 0]` for a first cone around `u`, down.
+///
+/// Args:
+///     constraints: pairs (weight, constraint), weight > 0, constraint a `Cone`, a `Spin` or a cone
+///         `QuaternionVolume`.
+///     method: `auto` takes the closed form where it applies (one or two cones on one body axis below 90 degrees,
+///         with or without a spin about it; a spin alone), else Newton. `closed_form` leaves cones of 90 degrees and
+///         more to Newton and refuses other problems. `newton` is Riemannian Newton on S^3, `gradient` the paper's
+///         method, normalised in every iteration.
+///     tolerance: Estimated remaining angle, rad, at which the iteration stops. None: 1e-13, gradient 1e-10.
+///     max_iterations: None: 100, gradient 10 000.
+///     step: Step of `gradient` in the paper's quaternion units. None: from the cones' sizes.
+///     backtracking: Whether `gradient` measures the decrease of every step; False is the paper's fixed step.
+///
+/// Raises:
+///     RedundancyError: an empty list, a weight that is not positive, a constraint of another kind, an unknown
+///         method, or one that does not apply.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> down, aside = rd.Cone.downward(0.35), rd.Cone.z([0.5, 0, -1], 1.0)
+///     >>> best = rd.OrientationOptimizer([(1.0, down), (1.0, aside)]).solve()
+///     >>> str(best.status), best.method, bool((best.margins > 0).all())
+///     ('converged', 'closed_form', True)
 #[pyclass(name = "OrientationOptimizer", module = "redundancy", frozen)]
 pub struct PyOrientationOptimizer {
     optimizer: OrientationOptimizer,
@@ -640,7 +868,7 @@ impl PyOrientationOptimizer {
         Ok(Self { optimizer })
     }
 
-    /// The method that `solve` uses.
+    /// The method that `solve` uses; never `auto`.
     #[getter]
     fn method(&self) -> &'static str {
         self.optimizer.method().as_str()
@@ -660,6 +888,10 @@ impl PyOrientationOptimizer {
         Ok(list)
     }
 
+    /// The minimiser, by iterations from `q0` `(w, x, y, z)` or, where it is outside, from a start that is searched.
+    ///
+    /// Constraints that exclude each other give the status `infeasible` and the angle by which they miss, never an
+    /// exception.
     #[pyo3(signature = (q0=None))]
     fn solve(&self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>) -> PyResult<PyOrientationSolution> {
         let q0 = q0.map(|q| quaternion(q, "q0")).transpose()?;
@@ -669,13 +901,21 @@ impl PyOrientationOptimizer {
         }))
     }
 
-    /// Sum of weight x barrier.
+    /// The sum at `q`, infinite outside: a float, or `(N,)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn value<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.optimizer.value(q))
     }
 
-    /// The margins in the order of the constraints.
+    /// The margins at `q` in the order of the constraints: `(k,)` or `(N, k)`.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (q, *, threads=None))]
     fn margins<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[self.optimizer.barriers().len()], threads, |q, out: &mut [f64]| {
@@ -683,13 +923,19 @@ impl PyOrientationOptimizer {
         })
     }
 
-    /// Gradient in the body tangent space.
+    /// Gradient of the sum along rotation vectors in body axes, 1/rad, `(3,)`. Raises outside.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`.
     fn gradient<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let g = self.optimizer.gradient(&quaternion(q, "q")?).ok_or_else(outside)?;
         Ok(vector(py, &g))
     }
 
-    /// Hessian in the body tangent space.
+    /// Hessian of the sum along rotation vectors in body axes, 1/rad^2, `(3, 3)`. Raises outside.
+    ///
+    /// Args:
+    ///     q: Unit quaternion `(4,)`.
     fn hessian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let h = self.optimizer.hessian(&quaternion(q, "q")?).ok_or_else(outside)?;
         Ok(to_array(py, h.as_slice(), [3, 3])?.into_any())
@@ -729,41 +975,52 @@ type SolutionState = ([f64; 4], f64, String, u32, Vec<f64>, f64, f64, String);
 
 #[pymethods]
 impl PyOrientationSolution {
+    /// Orientation `(w, x, y, z)`; when infeasible the one that exceeds the constraints least.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wxyz(py, &self.solution.q)
     }
 
+    /// Sum of weight x barrier, without a unit; infinite when infeasible.
     #[getter]
     fn value(&self) -> f64 {
         self.solution.value
     }
 
+    /// `converged`, `infeasible`, `iteration_limit` or `singular` (the spin is undefined at the minimum).
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.solution.status)
     }
 
+    /// Iterations; of the closed form the steps of its scalar root.
     #[getter]
     fn iterations(&self) -> u32 {
         self.solution.iterations
     }
 
+    /// Margins in the order of the constraints, `(k,)`.
     #[getter]
     fn margins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.margins)
     }
 
+    /// Norm of the gradient at `q`, 1/rad; infinite when infeasible.
     #[getter]
     fn gradient_norm(&self) -> f64 {
         self.solution.gradient_norm
     }
 
+    /// Angle, rad, by which the constraints miss each other; 0 when they meet.
+    ///
+    /// For two cones on one axis the angle between their rims, in general twice the least angle by which all of
+    /// them have to grow. Exact for pairs of cones, an upper bound for more.
     #[getter]
     fn miss_angle(&self) -> f64 {
         self.solution.miss_angle
     }
 
+    /// The method that was used.
     #[getter]
     fn method(&self) -> &'static str {
         self.solution.method.as_str()
@@ -832,6 +1089,33 @@ fn spread(values: &[f64], batch: Option<usize>, n: usize) -> std::borrow::Cow<'_
 }
 
 /// The best tool directions between cones around many pairs of directions.
+///
+/// Row i minimises `-k_err log((z . n - cos beta)/2) - k_tcp log((z . d - cos alpha)/2)` over unit vectors z
+/// [FromGravdahl2009, eq. (34)]; where the cones miss each other it is the middle of the gap. Runs on all cores
+/// without the GIL; the result does not depend on their number.
+///
+/// Args:
+///     normals: `(N, 3)` or `(3,)` for all rows, of any length: directions that the tool axis should follow. For a
+///         tool that looks at a surface they point into it.
+///     directions: `(N, 3)` or `(3,)`: the wanted directions.
+///     beta: Half-angle around the normals, rad, in (0, pi).
+///     alpha: Half-angle around the wanted directions, rad, in (0, pi). From pi/2 on rows are solved by Newton.
+///     k_err: Weight of the first barrier, > 0.
+///     k_tcp: Weight of the second barrier, > 0.
+///     threads: Number of threads; None: all cores.
+///
+/// Returns:
+///     Unit tool axes `(N, 3)` and statuses `(N,)`, an object array of `Status`: `converged` or `infeasible`. Two
+///     single directions give `(3,)` and one `Status`.
+///
+/// Raises:
+///     RedundancyError: a row without a direction, angles or weights out of range, different lengths.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> axes, status = rd.optimal_directions([[0, 0, -1]], [[0.5, 0, -1]], 0.4, 1.0)
+///     >>> axes.shape, str(status[0])
+///     ((1, 3), 'converged')
 #[pyfunction]
 #[pyo3(signature = (normals, directions, beta, alpha, k_err=1.0, k_tcp=1.0, *, threads=None))]
 pub fn optimal_directions<'py>(
@@ -870,8 +1154,11 @@ pub fn optimal_directions<'py>(
 }
 
 macro_rules! angles {
-    ($($from:ident $to:ident $core_from:ident $core_to:ident,)*) => {$(
-        /// Quaternions of Euler angles.
+    ($(
+        $(#[doc = $from_doc:tt])* $from:ident $core_from:ident;
+        $(#[doc = $to_doc:tt])* $to:ident $core_to:ident;
+    )*) => {$(
+        $(#[doc = $from_doc])*
         #[pyfunction]
         #[pyo3(signature = (angles, *, threads=None))]
         pub fn $from<'py>(angles: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
@@ -884,7 +1171,7 @@ macro_rules! angles {
             })
         }
 
-        /// Euler angles of quaternions.
+        $(#[doc = $to_doc])*
         #[pyfunction]
         #[pyo3(signature = (q, *, threads=None))]
         pub fn $to<'py>(q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
@@ -896,14 +1183,69 @@ macro_rules! angles {
 }
 
 angles! {
-    quaternion_from_zyz quaternion_to_zyz from_zyz to_zyz,
-    quaternion_from_xyz quaternion_to_xyz from_xyz to_xyz,
-    quaternion_from_rpy quaternion_to_rpy from_rpy to_rpy,
+    /// `Rz(a) Ry(b) Rz(c)` as a quaternion `(w, x, y, z)`.
+    ///
+    /// Args:
+    ///     angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(4,)` or `(N, 4)`.
+    quaternion_from_zyz from_zyz;
+    /// Angles of `Rz(a) Ry(b) Rz(c)`, rad, b in [0, pi]; where b is 0 or pi, a = 0.
+    ///
+    /// Args:
+    ///     q: Unit quaternions `(4,)` or `(N, 4)`.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(3,)` or `(N, 3)`, rad.
+    quaternion_to_zyz to_zyz;
+    /// `Rx(a) Ry(b) Rz(c)` as a quaternion `(w, x, y, z)`.
+    ///
+    /// Args:
+    ///     angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(4,)` or `(N, 4)`.
+    quaternion_from_xyz from_xyz;
+    /// Angles of `Rx(a) Ry(b) Rz(c)`, rad, b in [-pi/2, pi/2]; where b is +-pi/2, a = 0.
+    ///
+    /// Args:
+    ///     q: Unit quaternions `(4,)` or `(N, 4)`.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(3,)` or `(N, 3)`, rad.
+    quaternion_to_xyz to_xyz;
+    /// `Rz(phi) Ry(theta) Rx(psi)` as a quaternion `(w, x, y, z)`.
+    ///
+    /// Args:
+    ///     angles: `(3,)` or `(N, 3)` angles (phi, theta, psi), rad.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(4,)` or `(N, 4)`.
+    quaternion_from_rpy from_rpy;
+    /// Angles (phi, theta, psi) of `Rz(phi) Ry(theta) Rx(psi)`, rad; where theta is +-pi/2, psi = 0.
+    ///
+    /// Args:
+    ///     q: Unit quaternions `(4,)` or `(N, 4)`.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Returns:
+    ///     `(3,)` or `(N, 3)`, rad.
+    quaternion_to_rpy to_rpy;
 }
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 
-/// `(swing, twist)` with `q = swing * twist`.
+/// `(swing, twist)` with `q = swing * twist`, the twist about `axis`; at half a turn of swing the identity.
+///
+/// Args:
+///     q: Unit quaternion `(4,)`.
+///     axis: `(3,)`, of any length.
 #[pyfunction]
 pub fn quaternion_swing_twist<'py>(
     py: Python<'py>,
@@ -915,7 +1257,11 @@ pub fn quaternion_swing_twist<'py>(
     Ok((wxyz(py, &swing), wxyz(py, &twist)))
 }
 
-/// The least rotation from one direction to another.
+/// The least rotation from one direction to another; between antipodes half a turn, for z about y.
+///
+/// Args:
+///     start: `(3,)`, of any length.
+///     end: `(3,)`, of any length.
 #[pyfunction]
 pub fn quaternion_shortest_arc<'py>(
     py: Python<'py>,
@@ -927,7 +1273,11 @@ pub fn quaternion_shortest_arc<'py>(
     Ok(wxyz(py, &rotation::shortest_arc(&start, &end)))
 }
 
-/// The rotation from one orientation to another by the shorter way, in axes of the first.
+/// `conj(start) * end` with a scalar part >= 0 [FromGravdahl2009, eq. (8), on the shorter side of the cover].
+///
+/// Args:
+///     start: Unit quaternion `(4,)`.
+///     end: Unit quaternion `(4,)`.
 #[pyfunction]
 pub fn quaternion_error<'py>(
     py: Python<'py>,
@@ -937,7 +1287,11 @@ pub fn quaternion_error<'py>(
     Ok(wxyz(py, &rotation::quaternion_error(&quaternion(start, "start")?, &quaternion(end, "end")?)))
 }
 
-/// Angle of the rotation between two orientations.
+/// Angle, rad in [0, pi], of the rotation between two orientations.
+///
+/// Args:
+///     a: Unit quaternion `(4,)`.
+///     b: Unit quaternion `(4,)`.
 #[pyfunction]
 pub fn quaternion_angle(a: &Bound<'_, PyAny>, b: &Bound<'_, PyAny>) -> PyResult<f64> {
     Ok(rotation::rotation_angle(&quaternion(a, "a")?, &quaternion(b, "b")?))

@@ -20,7 +20,20 @@ pub const LINK_RADIUS: f64 = 0.05;
 /// Configurations between two looks for Ctrl-C.
 const BLOCK: usize = 8_192;
 
-/// Obstacles in the world.
+/// Obstacles in the world, and pairs that may touch. Immutable.
+///
+/// Args:
+///     obstacles: Any number of `Sphere`, `Box`, `Capsule`, `Cylinder`, `HalfSpace` and `Mesh`.
+///     allowed: Pairs of names that may touch: a link, or an obstacle that a link carries, and an obstacle. Contact
+///         between them is ignored.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("pa10")  # stretched upwards at q = 0, elbow at z = .765
+///     >>> scene = rd.Scene([rd.Sphere((0.0, 0.3, 0.9), radius=0.1)])
+///     >>> near = scene.clearance(arm, [0.0] * 7, link_radius=0.05)
+///     >>> round(near.distance, 12), near.link, near.obstacle
+///     (0.15, 'link5', 0)
 #[pyclass(name = "Scene", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyScene {
@@ -57,19 +70,37 @@ impl PyScene {
         Ok(Self { scene: scene.with_allowed(allowed.unwrap_or_default()).map_err(to_py)? })
     }
 
-    /// From a file.
+    /// From a file: `{"obstacles": [{"type": "sphere", "center": [..], "radius": ..}, ...], "allowed": [[.., ..]]}`.
+    ///
+    /// | type | numbers |
+    /// |---|---|
+    /// | `sphere` | `center`, `radius` |
+    /// | `box` | `center`, `half_extents`, `quaternion_wxyz` |
+    /// | `capsule` | `start`, `end`, `radius` |
+    /// | `cylinder` | `center`, `radius`, `half_length`, `quaternion_wxyz` |
+    /// | `half_space` | `point`, `normal` |
+    /// | `mesh` | `vertices` and `faces`, or `file` (from the scene's folder); `solid`, `center`, `quaternion_wxyz` |
+    ///
+    /// Any may have a `name`, and a `velocity` or `attached_to`. Quaternions, `allowed`, and `solid` and `center` of a
+    /// mesh may be left out.
+    ///
+    /// Args:
+    ///     path: The file.
+    ///
+    /// Raises:
+    ///     RedundancyError: An unknown type or key, a missing or wrong number; it names the obstacle.
     #[staticmethod]
     fn from_json(path: std::path::PathBuf) -> PyResult<Self> {
         Ok(Self { scene: Scene::from_json_file(path).map_err(to_py)? })
     }
 
-    /// From JSON text.
+    /// From JSON text; files of meshes are looked for from the current folder on.
     #[staticmethod]
     fn from_json_string(text: &str) -> PyResult<Self> {
         Ok(Self { scene: Scene::from_json(text).map_err(to_py)? })
     }
 
-    /// As JSON text.
+    /// As JSON text, as `from_json` reads it; meshes with their triangles.
     fn to_json(&self) -> String {
         self.scene.to_json()
     }
@@ -86,7 +117,7 @@ impl PyScene {
         self.scene.allowed().iter().map(|[a, b]| (a.clone(), b.clone())).collect()
     }
 
-    /// The scene at time `t`.
+    /// The scene at time `t` (s): moving obstacles are elsewhere.
     fn at(&self, t: f64) -> PyResult<Self> {
         if !t.is_finite() {
             return Err(to_py(Error::NotFinite { what: "t".into(), index: 0, value: t }));
@@ -94,7 +125,22 @@ impl PyScene {
         Ok(Self { scene: self.scene.at(t) })
     }
 
-    /// The nearest pair of link and obstacle, of one configuration or of many.
+    /// The nearest pair of a link and an obstacle, and the nearest of each link.
+    ///
+    /// Links are capsules from joint to joint and from the last joint to the tool, or what `links` says. Links that
+    /// stand with the base count where `links` has shapes for them. What a link carries counts as part of it against
+    /// other obstacles, and is an obstacle for the other links.
+    ///
+    /// Args:
+    ///     chain: The arm.
+    ///     q: `(n,)` or `(N, n)`.
+    ///     link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
+    ///     links: The same under another name.
+    ///     threads: Threads for a batch; all cores when left out.
+    ///
+    /// Raises:
+    ///     RedundancyError: A name in `allowed` that is neither a link nor an obstacle, an `attached_to` that is no
+    ///         link.
     #[pyo3(
         signature = (chain, q, link_radius=None, *, links=None, threads=None),
         text_signature = "($self, chain, q, link_radius=0.05, *, links=None, threads=None)"
@@ -145,7 +191,7 @@ impl PyScene {
 
 type SceneParts<'py> = (Vec<Bound<'py, PyAny>>, Vec<(String, String)>);
 
-/// How near an arm is to a scene: of one configuration, or of N as arrays.
+/// How near an arm is to a scene: of one configuration, or arrays for N of them.
 #[pyclass(name = "ClearanceResult", module = "redundancy", frozen)]
 pub struct PyClearance {
     pairs: Vec<Option<NearestPair>>,
@@ -196,7 +242,7 @@ impl PyClearance {
 
 #[pymethods]
 impl PyClearance {
-    /// Signed distance, m; infinite for an empty scene.
+    /// Signed distance, m: negative in a collision; `(N,)` for a batch. Infinite for an empty scene.
     #[getter]
     fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values: Vec<f64> =
@@ -207,19 +253,19 @@ impl PyClearance {
         }
     }
 
-    /// Name of the link; `None` for an empty scene.
+    /// Name of the nearest link (a list for a batch); `None` for an empty scene.
     #[getter]
     fn link<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.each(py, |pair| self.links.get(pair.link).cloned().unwrap_or_default())
     }
 
-    /// Index of the obstacle; `None` for an empty scene.
+    /// Index of the nearest obstacle in the scene (a list for a batch); `None` for an empty scene.
     #[getter]
     fn obstacle<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.each(py, |pair| pair.obstacle)
     }
 
-    /// The nearest point of the link's surface, `(3,)` or `(N, 3)`.
+    /// The nearest point of the link's surface, `(3,)` or `(N, 3)`, m; `None` for an empty scene.
     #[getter]
     fn on_link<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.points(py, |pair| pair.on_link)
@@ -237,7 +283,7 @@ impl PyClearance {
         self.points(py, |pair| pair.normal)
     }
 
-    /// The nearest pair of each link, by name.
+    /// The nearest obstacle of each link, by its name.
     #[getter]
     fn by_link<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);

@@ -17,6 +17,7 @@ use crate::convert::{
 };
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
+use crate::html;
 use crate::status::status_to_py;
 
 /// Poses between two looks at Ctrl-C: some milliseconds.
@@ -24,7 +25,28 @@ const BLOCK: usize = 16_384;
 /// The same for searches.
 const SEARCH_BLOCK: usize = 512;
 
-/// A spherical-revolute-spherical arm with its closed-form inverse kinematics.
+/// A spherical-revolute-spherical arm with its closed-form inverse kinematics (Moore & Oztop 2010).
+///
+/// The arm is recognised from its geometry alone: any base, tool, axis signs, joint zeros, elbow offset. With n from
+/// shoulder to wrist, the elbow is on a circle about n; the swivel s says where. Zero and sense of s follow the paper
+/// in the frame whose z is +axis 1 and whose x is the base x projected.
+///
+/// Args:
+///     chain: Seven turning joints.
+///     chart: `"shortest_arc"` (the paper; singular where n is against the reference) or `"stereographic"` (singular
+///         only on the half-line that you name).
+///     reference: `(3,)` direction in world axes: for `shortest_arc` the one used for +axis 1, for `stereographic` the
+///         singular half-line (default: against axis 1).
+///
+/// Raises:
+///     NotSrsError: Which axes miss each other and by how much.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.SrsArm(rd.catalog.load("iiwa14"))
+///     >>> pose = arm.chain.forward([0.1, 0.5, 0.2, -1.2, 0.3, 0.8, 0.0])
+///     >>> arm.solve(pose, swivel=0.4).shape[1]
+///     7
 #[pyclass(name = "SrsArm", module = "redundancy", frozen, eq)]
 pub struct PySrsArm {
     pub arm: SrsArm,
@@ -71,33 +93,33 @@ impl PySrsArm {
         self.chain.clone_ref(py)
     }
 
-    /// `srs`.
+    /// `"srs"`.
     #[getter]
     fn name(&self) -> &'static str {
         ClosedForm::name(&self.arm)
     }
 
-    /// `swivel`.
+    /// `"swivel"`.
     #[getter]
     fn parameter(&self) -> Option<&'static str> {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal S-R-S arm: (metres, radians).
+    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         let defect = self.arm.defect();
         (defect.position, defect.orientation)
     }
 
-    /// Lengths of upper arm and forearm, m.
+    /// Upper arm and forearm, m: shoulder and wrist centre to the elbow axis.
     #[getter]
     fn lengths(&self) -> (f64, f64) {
         let [upper, fore] = self.arm.lengths();
         (upper, fore)
     }
 
-    /// Centre of the shoulder in the world, m.
+    /// Centre of the shoulder in the world, `(3,)`, m.
     #[getter]
     fn shoulder<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.arm.shoulder().as_slice())
@@ -110,6 +132,16 @@ impl PySrsArm {
     }
 
     /// Configurations over a pose at a swivel.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like.
+    ///     swivel: The angle s, rad, or u = (cos s, sin s), `(2,)`.
+    ///     limits: Only those within the joint limits. Without: all 8 rows in branch order (index
+    ///         `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
+    ///
+    /// Returns:
+    ///     `(k, 7)`; `(0, 7)` when the pose is out of reach or no branch holds the limits here:
+    ///     `self_motion(pose).reason` says which.
     #[pyo3(signature = (pose, swivel, limits=true))]
     fn solve<'py>(
         &self,
@@ -123,6 +155,13 @@ impl PySrsArm {
     }
 
     /// All branches over many poses.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`.
+    ///     swivels: One angle, `(N,)` angles, or `(N, 2)` vectors (cos s, sin s).
+    ///     limits: Whether `valid` says that the joint limits hold, or only that the pose is in reach.
+    ///     out: An earlier result, or `(q, valid)` of shapes `(N, 8, 7)` and `(N, 8)`, to be filled again.
+    ///     threads: Size of the pool; all cores by default. The bits do not depend on it.
     #[pyo3(signature = (poses, swivels, limits=true, out=None, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -169,7 +208,12 @@ impl PySrsArm {
         Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
     }
 
-    /// Feasible intervals of all branches over many poses.
+    /// Feasible intervals of all branches over many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi).
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
+    ///     margin: Distance kept from every joint limit, rad.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, margin=0.0, *, threads=None))]
     fn intervals_batch<'py>(
         &self,
@@ -195,7 +239,12 @@ impl PySrsArm {
         )
     }
 
-    /// The best configuration over each of many poses.
+    /// `SelfMotion.best` over many poses.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
+    ///     criterion: What is best.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, criterion, *, threads=None))]
     fn best_batch<'py>(
         &self,
@@ -215,7 +264,14 @@ impl PySrsArm {
         PyChoiceBatch::new(py, &rows)
     }
 
-    /// The configuration over the pose nearest to `q`.
+    /// The configuration `(7,)` over the pose nearest to `q` (Euclidean), limits held, windings included.
+    ///
+    /// `None` when there is none: `self_motion(pose).reason` says why. A batch of poses gives a `ChoiceBatch`.
+    ///
+    /// Args:
+    ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
+    ///     q: `(7,)`, or `(N, 7)` for many poses, rad.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -235,7 +291,12 @@ impl PySrsArm {
         Ok(choice.map(|c| PyArray1::from_slice(py, &c.q).into_any()))
     }
 
-    /// The configuration nearest to `q` over each of many poses.
+    /// `nearest` over many poses, to one `q` `(7,)` or one each `(N, 7)`.
+    ///
+    /// Args:
+    ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
+    ///     q: `(7,)` or `(N, 7)`, rad.
+    ///     threads: Threads for a batch; all cores when left out.
     #[pyo3(signature = (poses, q, *, threads=None))]
     fn nearest_batch<'py>(
         &self,
@@ -261,7 +322,10 @@ impl PySrsArm {
         PyChoiceBatch::new(py, &rows)
     }
 
-    /// Swivel angle of a configuration.
+    /// Swivel angle of a configuration, rad in (-pi, pi]; `(N,)` for `(N, 7)`.
+    ///
+    /// Args:
+    ///     q: Joint positions `(7,)` or `(N, 7)`, rad.
     fn swivel<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let rows = read_rows(q, "q", &[7])?;
         let values: Vec<f64> = rows
@@ -276,7 +340,10 @@ impl PySrsArm {
         }
     }
 
-    /// Signs (shoulder, elbow, wrist) of a configuration.
+    /// Signs (shoulder, elbow, wrist) of a configuration; `(N, 3)` for `(N, 7)`.
+    ///
+    /// Args:
+    ///     q: Joint positions `(7,)` or `(N, 7)`, rad.
     fn branch<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let rows = read_rows(q, "q", &[7])?;
         let signs: Vec<[i8; 3]> = rows
@@ -298,7 +365,7 @@ impl PySrsArm {
         Ok(PySelfMotion { motion: Arc::new(Motion { motion, arm: this.clone().unbind(), pose }) })
     }
 
-    /// What to add to a swivel of this chart to have that of another arm's chart at the same pose.
+    /// What to add to a swivel of this chart to have that of `other`'s chart at the same pose, rad.
     fn chart_change(&self, other: &Bound<'_, Self>, pose: &Bound<'_, PyAny>) -> PyResult<f64> {
         self.arm.chart_change(&other.get().arm, &read_pose(pose)?).map_err(to_py)
     }
@@ -400,7 +467,7 @@ fn method_of<'py>(py: Python<'py>, motion: &Arc<Motion>, name: &str) -> PyResult
     Py::new(py, PySelfMotion { motion: motion.clone() })?.bind(py).getattr(name)
 }
 
-/// Result of `SrsArm.solve_batch` and of `SphericalWristArm`'s.
+/// Result of `solve_batch` of an arm with a closed form, and of `nearest` over many poses.
 #[pyclass(name = "SolveBatch", module = "redundancy", frozen)]
 pub struct PySolveBatch {
     pub q: Py<PyArrayDyn<f64>>,
@@ -432,11 +499,14 @@ impl PySolveBatch {
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        format!("SolveBatch({} poses)", self.q.bind(py).shape()[0])
+        let rows = self.q.bind(py).shape()[0];
+        let valid = self.valid.bind(py).readonly();
+        let solved = valid.as_array().outer_iter().filter(|row| row.iter().any(|valid| *valid)).count();
+        format!("SolveBatch({rows} poses, {solved} with a configuration)")
     }
 }
 
-/// A configuration chosen over a pose.
+/// A configuration chosen over a pose; its parts are `None` where no configuration holds the limits.
 #[pyclass(name = "Choice", module = "redundancy", frozen)]
 pub struct PyChoice {
     choice: Option<Choice>,
@@ -445,13 +515,13 @@ pub struct PyChoice {
 
 #[pymethods]
 impl PyChoice {
-    /// Joint positions `(7,)`, `None` where no configuration holds the limits.
+    /// Joint positions `(7,)`, rad.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.choice.map(|c| PyArray1::from_slice(py, &c.q))
     }
 
-    /// Its swivel angle, rad.
+    /// Its swivel, rad in (-pi, pi].
     #[getter]
     fn swivel(&self) -> Option<f64> {
         self.choice.map(|c| c.swivel)
@@ -463,7 +533,7 @@ impl PyChoice {
         self.choice.map(|c| PyTuple::new(py, signs_of(c.branch))).transpose()
     }
 
-    /// The criterion there.
+    /// The criterion there, in its own unit.
     #[getter]
     fn value(&self) -> Option<f64> {
         self.choice.map(|c| c.value)
@@ -475,7 +545,7 @@ impl PyChoice {
         status_to_py(py, self.motion.status())
     }
 
-    /// Why there is none, or why it is not proven to be the best.
+    /// Why there is none, or why it is not proven to be the best; else empty.
     #[getter]
     fn reason(&self) -> String {
         let reason = self.motion.reason();
@@ -485,7 +555,9 @@ impl PyChoice {
         reason
     }
 
-    /// Whether no configuration over the pose is better; without one, whether the verdict is exact.
+    /// No configuration over the pose is better; where there is none, the verdict is exact.
+    ///
+    /// False for the best of a scan (criteria without bounds), and at gimbals that leave joints free.
     #[getter]
     fn proven(&self) -> bool {
         self.choice.map_or_else(|| self.motion.proven(), |c| c.proven)
@@ -518,15 +590,15 @@ pub fn signs_of(branch: usize) -> [i8; 3] {
 pub struct PyChoiceBatch {
     /// `(N, 7)`; rows that are not valid are 0.
     q: Py<PyArray2<f64>>,
-    /// `(N,)`.
+    /// `(N,)`, rad.
     swivel: Py<PyArray1<f64>>,
     /// `(N, 3)` signs.
     branch: Py<PyArray2<i8>>,
     /// `(N,)`.
     value: Py<PyArray1<f64>>,
-    /// `(N,)` bool: there is a configuration within the limits.
+    /// `(N,)`: there is a configuration within the limits.
     valid: Py<PyArray1<bool>>,
-    /// `(N,)` bool: no configuration over the pose is better.
+    /// `(N,)`: there is one, and no other over the pose is better.
     proven: Py<PyArray1<bool>>,
 }
 
@@ -573,11 +645,22 @@ impl PyChoiceBatch {
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        format!("ChoiceBatch({} poses)", self.valid.bind(py).len())
+        let valid = self.valid.bind(py).readonly();
+        let chosen = valid.as_array().iter().filter(|valid| **valid).count();
+        format!("ChoiceBatch({} poses, {chosen} with a configuration)", self.valid.bind(py).len())
     }
 }
 
 /// Every configuration over one pose: up to eight circles.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.SrsArm(rd.catalog.load("pa10"))
+///     >>> motion = arm.self_motion(arm.chain.forward([0.1, 0.5, 0.2, 1.2, 0.3, 0.8, 0.0]))
+///     >>> print(motion.status, len(motion.branches))
+///     converged 8
+///     >>> motion.best(rd.JointRange(arm.chain)).q.shape
+///     (7,)
 #[pyclass(name = "SelfMotion", module = "redundancy", frozen)]
 pub struct PySelfMotion {
     motion: Arc<Motion>,
@@ -585,19 +668,24 @@ pub struct PySelfMotion {
 
 #[pymethods]
 impl PySelfMotion {
-    /// `converged`, `limits` or `unreachable`.
+    /// `converged`, `unreachable` (no configuration) or `limits` (none within the joint limits).
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.motion.status())
     }
 
-    /// Why no configuration holds the limits, with the number, and why the verdict is not exact.
+    /// Why none, with the number: too far or too near by x mm; which joint, by how much at best.
+    ///
+    /// Where the verdict is not `proven`, also why. Else empty.
     #[getter]
     fn reason(&self) -> String {
         self.motion.reason()
     }
 
-    /// Whether status and branches say everything.
+    /// Status and branches are exact.
+    ///
+    /// False for an arm with a defect above 1e-9, and where shoulder or wrist reach a gimbal over this pose: there the
+    /// outer joints may share their sum in any way, beside the branches.
     #[getter]
     fn proven(&self) -> bool {
         self.motion.proven()
@@ -655,20 +743,29 @@ impl PySelfMotion {
         rows_of(py, s, |s| Ok(self.motion.elbow_position(s).into()))
     }
 
-    /// The distinct circles.
+    /// The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach.
     #[getter]
     fn branches(&self) -> Vec<PyBranch> {
         let branches = self.motion.branches();
         branches.iter().map(|b| PyBranch { motion: self.motion.clone(), index: b.index() }).collect()
     }
 
-    /// The best configuration over the pose.
+    /// The best configuration over all branches, feasible arcs and windings.
+    ///
+    /// For joint range, posture and their sums the optimum is proven by bounds; for other criteria every stationary
+    /// point that a piecewise cubic resolves is compared.
+    ///
+    /// Args:
+    ///     criterion: What is best, of the same arm.
     fn best(&self, criterion: &Bound<'_, PyCriterion>) -> PyResult<PyChoice> {
         let choice = self.motion.best(&*criterion.get().criterion).map_err(to_py)?;
         Ok(PyChoice { choice, motion: self.motion.clone() })
     }
 
-    /// The configuration over the pose nearest to `q`.
+    /// The configuration with the least Euclidean distance to `q`, which is the `value`.
+    ///
+    /// Args:
+    ///     q: Joint positions `(7,)`, rad.
     fn nearest(&self, q: &Bound<'_, PyAny>) -> PyResult<PyChoice> {
         let q = read_vector(q, "q", Some(7))?;
         Ok(PyChoice { choice: self.motion.nearest(&q).map_err(to_py)?, motion: self.motion.clone() })
@@ -696,9 +793,22 @@ impl PySelfMotion {
             if reason.is_empty() { format!("{} branches", self.motion.branches().len()) } else { reason };
         format!("SelfMotion({}: {text})", self.motion.status())
     }
+
+    /// For notebooks: the branches with their feasible arcs.
+    fn _repr_html_(&self) -> PyResult<String> {
+        let mut rows = Vec::new();
+        for branch in self.motion.branches() {
+            let arcs = branch.intervals(0.0).map_err(to_py)?;
+            let arcs: Vec<String> = arcs.iter().map(|[lo, hi]| format!("[{lo:.4}, {hi:.4}]")).collect();
+            let arcs = if arcs.is_empty() { "none".to_owned() } else { arcs.join(", ") };
+            rows.push(html::entry(&format!("{:?}", signs_of(branch.index())), arcs));
+        }
+        let head = ["shoulder, elbow, wrist", "swivel within the joint limits, rad"];
+        Ok(html::table(&self.__repr__(), &head, &rows))
+    }
 }
 
-/// One circle of configurations.
+/// One circle of configurations: fixed signs, the swivel runs.
 #[pyclass(name = "Branch", module = "redundancy", frozen)]
 pub struct PyBranch {
     motion: Arc<Motion>,
@@ -745,24 +855,29 @@ impl PyBranch {
         (method_of(py, &self.motion, "_branch")?, (self.index,)).into_pyobject(py)
     }
 
-    /// Signs (shoulder, elbow, wrist).
+    /// Signs of theta2, theta4, theta6 (shoulder, elbow, wrist).
     #[getter]
     fn signs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, signs_of(self.index))
     }
 
-    /// Index in branch order.
+    /// `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`.
     #[getter]
     fn index(&self) -> usize {
         self.index
     }
 
-    /// Configuration at a swivel `(7,)`, or at many `(N, 7)`.
+    /// Configuration at swivel `s` (rad): `(7,)`, or `(N, 7)` for `(N,)`.
+    ///
+    /// Principal values unless that breaks a limit and a winding does not.
     fn q<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, s, |branch, s| branch.q(s))
     }
 
-    /// dq/ds at a swivel `(7,)`, or at many `(N, 7)`.
+    /// dq/ds, `(7,)` or `(N, 7)`: in the kernel of the Jacobian.
+    ///
+    /// Args:
+    ///     s: Swivel, rad: a number or `(N,)`.
     fn tangent<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, s, |branch, s| branch.tangent(s))
     }
@@ -806,7 +921,9 @@ impl PyBranch {
         PyTuple::new(py, [q3?, q4?, wrist?])
     }
 
-    /// Where all joint limits hold, `(k, 2)`.
+    /// Where all joint limits hold with `margin` (rad, from each limit): `(k, 2)`, exact.
+    ///
+    /// `[lo, hi]` contains s when `(s - lo) mod 2 pi <= hi - lo`.
     #[pyo3(signature = (margin=0.0))]
     fn intervals<'py>(&self, py: Python<'py>, margin: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let branch = self.motion.branch(self.index).map_err(to_py)?;

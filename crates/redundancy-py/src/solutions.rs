@@ -27,7 +27,7 @@ struct Inner {
     settings: SolutionsSettings,
 }
 
-/// Every configuration over one pose.
+/// Every configuration over one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`.
 #[pyclass(name = "Solutions", module = "redundancy", frozen)]
 pub struct PySolutions {
     inner: Arc<Inner>,
@@ -47,38 +47,47 @@ impl PySolutions {
         self.inner.set.dimension()
     }
 
-    /// `converged`, `limits` or `unreachable`.
+    /// `converged` (some configuration holds the joint limits), `limits` (only others) or `unreachable` (none).
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.inner.set.status())
     }
 
-    /// Why no configuration holds the limits, and why the verdict is not exact.
+    /// Why none holds the limits, with the number, and why the verdict is not `proven`; else empty.
     #[getter]
     fn reason(&self) -> String {
         self.inner.set.reason()
     }
 
-    /// Whether status and pieces are exact.
+    /// Status and pieces are exact; False where they are those of a finite search, whose starts `reason` counts.
     #[getter]
     fn proven(&self) -> bool {
         self.inner.set.proven()
     }
 
-    /// The points or curves.
+    /// The points or curves, whether their limits hold or not.
     #[getter]
     fn pieces(&self) -> Vec<PyPiece> {
         (0..self.inner.set.pieces()).map(|index| PyPiece { inner: self.inner.clone(), index }).collect()
     }
 
-    /// The configuration nearest to `q`.
+    /// The configuration within the limits nearest to `q`, windings included; its `value` is the distance.
+    ///
+    /// Args:
+    ///     q: `(n,)`.
     fn nearest(&self, py: Python<'_>, q: &Bound<'_, PyAny>) -> PyResult<PySolution> {
         let q = read_vector(q, "q", Some(self.inner.set.chain().dof()))?;
         let solution = py.detach(|| self.inner.set.nearest(&q)).map_err(to_py)?;
         Ok(PySolution { solution, inner: self.inner.clone() })
     }
 
-    /// The best configuration.
+    /// The best configuration within the limits.
+    ///
+    /// Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums; else a
+    /// dense scan of all pieces, refined.
+    ///
+    /// Args:
+    ///     criterion: For as many joints as the arm has.
     fn best(&self, py: Python<'_>, criterion: &Bound<'_, PyCriterion>) -> PyResult<PySolution> {
         let criterion = Arc::clone(&criterion.get().criterion);
         let solution = py.detach(|| self.inner.set.best(&*criterion)).map_err(to_py)?;
@@ -133,7 +142,10 @@ fn method_of<'py>(py: Python<'py>, inner: &Arc<Inner>, name: &str) -> PyResult<B
     Py::new(py, PySolutions { inner: inner.clone() })?.bind(py).getattr(name)
 }
 
-/// One point or curve of configurations.
+/// One point or curve of `Solutions`.
+///
+/// The parameter `u` of a closed curve has period 2 pi; for an S-R-S arm it is the swivel, for a traced curve it is
+/// proportional to the length in joint space.
 #[pyclass(name = "Piece", module = "redundancy", frozen)]
 pub struct PyPiece {
     inner: Arc<Inner>,
@@ -173,13 +185,13 @@ impl PyPiece {
 
 #[pymethods]
 impl PyPiece {
-    /// Number of the piece.
+    /// Its place in `Solutions.pieces`.
     #[getter]
     fn index(&self) -> usize {
         self.index
     }
 
-    /// What tells it from the others.
+    /// What tells it from the others: the signs of the branch (shoulder, elbow, wrist), or a number.
     #[getter]
     fn label(&self) -> PyResult<String> {
         self.inner.set.label(self.index).map_err(to_py)
@@ -191,32 +203,51 @@ impl PyPiece {
         self.inner.set.closed(self.index).map_err(to_py)
     }
 
-    /// Ends of u.
+    /// Ends of `u`: (-pi, pi) for a closed curve, (0, 0) for a point.
     #[getter]
     fn range(&self) -> PyResult<(f64, f64)> {
         let [lo, hi] = self.inner.set.range(self.index).map_err(to_py)?;
         Ok((lo, hi))
     }
 
-    /// The configuration at `u`.
+    /// Configuration at `u`: `(n,)`, or `(N, n)` for `(N,)`. A point needs no `u`.
+    ///
+    /// Principal values unless that breaks a limit and a winding does not.
+    ///
+    /// Raises:
+    ///     RedundancyError: `u` is not finite, is beyond the ends of an open curve, or is missing for a curve.
     #[pyo3(signature = (u=None))]
     fn q<'py>(&self, py: Python<'py>, u: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, u, |set, piece, u, out| set.q(piece, u, out))
     }
 
-    /// dq/du at `u`.
+    /// dq/du at `u`: `(n,)`, or `(N, n)` for `(N,)`; finite and not zero.
+    ///
+    /// Raises:
+    ///     RedundancyError: as `q`; a point has no tangent.
     fn tangent<'py>(&self, py: Python<'py>, u: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, Some(u), |set, piece, u, out| set.tangent(piece, u, out))
     }
 
-    /// Where every joint limit holds.
+    /// Where all joint limits hold in some winding, `(k, 2)`, ascending.
+    ///
+    /// On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or
+    /// nothing.
+    ///
+    /// Args:
+    ///     margin: Distance from each limit, rad or m.
     #[pyo3(signature = (margin=0.0))]
     fn intervals<'py>(&self, py: Python<'py>, margin: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let arcs = self.inner.set.intervals(self.index, margin).map_err(to_py)?;
         to_array(py, arcs.as_flattened(), [arcs.len(), 2])
     }
 
-    /// Value of the named parameter at `u`.
+    /// Value of the parameter named by the closed form (swivel: rad in [-pi, pi]) at `u`.
+    ///
+    /// `None` where there is none.
+    ///
+    /// Args:
+    ///     u: Parameter on the piece: a number or `(N,)`; not needed for a point.
     #[pyo3(signature = (u=None))]
     fn parameter<'py>(&self, py: Python<'py>, u: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let set = &*self.inner.set;
@@ -247,7 +278,7 @@ impl PyPiece {
     }
 }
 
-/// A configuration chosen from the solutions over a pose.
+/// A configuration chosen from `Solutions`; its parts are `None` where no configuration holds the limits.
 #[pyclass(name = "Solution", module = "redundancy", frozen)]
 pub struct PySolution {
     solution: Option<Solution>,
@@ -256,7 +287,7 @@ pub struct PySolution {
 
 #[pymethods]
 impl PySolution {
-    /// Joint positions `(n,)`, `None` where no configuration holds the limits.
+    /// Joint positions `(n,)` within the limits.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.solution.as_ref().map(|s| PyArray1::from_slice(py, &s.q))
@@ -268,25 +299,25 @@ impl PySolution {
         self.solution.as_ref().map(|s| PyPiece { inner: self.inner.clone(), index: s.piece })
     }
 
-    /// Its parameter on the piece.
+    /// Its parameter on the piece, in the unit of `Piece.parameter`.
     #[getter]
     fn u(&self) -> Option<f64> {
         self.solution.as_ref().map(|s| s.u)
     }
 
-    /// The criterion, or the distance.
+    /// The criterion there in its own unit, or the distance in joint space, rad or m.
     #[getter]
     fn value(&self) -> Option<f64> {
         self.solution.as_ref().map(|s| s.value)
     }
 
-    /// `converged`, or the status of the set.
+    /// `converged`, `limits` or `unreachable`.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.inner.set.status())
     }
 
-    /// Why there is none, or why it is not proven to be the best.
+    /// Why there is none, or why it is not proven to be the best; else empty.
     #[getter]
     fn reason(&self) -> String {
         let reason = self.inner.set.reason();
@@ -298,7 +329,7 @@ impl PySolution {
         }
     }
 
-    /// Whether no configuration over the pose is better; without one, whether the verdict is exact.
+    /// No configuration over the pose is better; where there is none, the verdict is exact.
     #[getter]
     fn proven(&self) -> bool {
         self.solution.as_ref().map_or_else(|| self.inner.set.proven(), |s| s.proven)
@@ -322,7 +353,38 @@ impl PySolution {
     }
 }
 
-/// Every configuration over a pose.
+/// Every configuration of an arm over a pose, through one interface for all arms.
+///
+/// From the closed form where the arm has one. Otherwise Newton's method is started from seeded random configurations
+/// within the limits, and curves are traced through what it finds: then `proven` is False, for there may be others.
+///
+/// Args:
+///     chain: The arm, or an arm object (whose chart then holds for the swivel).
+///     pose: `(4, 4)` or SE3-like, base frame, m; `(2,)` for the task `planar`.
+///     freedom: Must be `None`.
+///     task: Which coordinates of the pose count; default the pose. The task must leave no or one freedom.
+///     closed_form: Use the closed form where there is one.
+///     seed: Seed of the random starts; default 0.
+///     starts: Number of random starts; default 100.
+///     step: Largest joint step between rows of traced curves; default 0.01.
+///     max_rows: Rows after which a traced curve is given up; default 200 000.
+///
+/// Raises:
+///     RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task
+///         has
+///         coordinates, or with two or more joints beyond them.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> chain = rd.catalog.load("iiwa14")
+///     >>> s = rd.solutions(chain, chain.forward([0.1, 0.5, 0.2, -1.2, 0.3, 0.8, 0.0]))
+///     >>> s.dimension, str(s.status), s.proven, len(s.pieces)
+///     (1, 'converged', True, 8)
+///     >>> piece = s.pieces[0]
+///     >>> piece.label, piece.closed, piece.q([0.0, 0.5]).shape
+///     ('+++', True, (2, 7))
+///     >>> s.best(rd.JointRange(chain)).proven
+///     True
 #[pyfunction]
 #[pyo3(name = "solutions", signature = (
     chain, pose, freedom=None, *, task=None, closed_form=true, seed=None, starts=None, step=None, max_rows=None

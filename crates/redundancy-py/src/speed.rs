@@ -17,7 +17,10 @@ use crate::convert::{Gravity, STANDARD_GRAVITY, read_pose, read_rotation, read_r
 use crate::error::to_py;
 use crate::path::PyPath;
 
-/// A rule from positions to tool orientations.
+/// A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
+///
+/// Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`. Its arguments are the
+/// options of those functions, which say what they mean.
 #[pyclass(name = "OrientationRule", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyOrientationRule {
@@ -274,7 +277,7 @@ fn read_oriented(py: Python<'_>, path: &Path, rule: Option<&Bound<'_, PyAny>>) -
     Ok(path.with_orientations(&rotations).map_err(to_py)?.poses().to_vec())
 }
 
-/// The largest constant tool speed over a path.
+/// The largest constant tool speed over a path, and what stops a larger one.
 #[pyclass(name = "MaxSpeed", module = "redundancy", frozen)]
 pub struct PyMaxSpeed {
     result: MaxSpeed,
@@ -301,31 +304,31 @@ impl PyMaxSpeed {
         &self.joint_name
     }
 
-    /// `torque` or `velocity`.
+    /// `"torque"` or `"velocity"`.
     #[getter]
     fn limit(&self) -> &'static str {
         self.result.limit.as_str()
     }
 
-    /// Path point where that happens.
+    /// The path point where that happens, from 0.
     #[getter]
     fn at(&self) -> usize {
         self.result.at
     }
 
-    /// Joint positions.
+    /// Joint positions `(N, n)`, rad.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.result.q, self.result.point_speeds.len())
     }
 
-    /// Joint torques at the speed.
+    /// Joint torques `(N, n)` at `speed`, N m; zeros for a chain without inertias.
     #[getter]
     fn torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows(py, &self.result.torques, self.result.point_speeds.len())
     }
 
-    /// Largest constant speed of each point on its own.
+    /// Largest constant speed `(N,)` that each point would allow on its own, m/s.
     #[getter]
     fn point_speeds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.result.point_speeds)
@@ -376,11 +379,31 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
     Ok(rows.as_slice()?.to_vec())
 }
 
-/// The largest constant tool speed over a path.
+/// The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+///
+/// Args:
+///     chain: The arm.
+///     path: Positions with `orientation_rule`, poses without.
+///     orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
+///         `(N, 3, 3)`.
+///     q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
+///     q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest one that holds the path is
+///         taken.
+///     tool: Pose of the tool in the last link, instead of the chain's.
+///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+///     velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
+///     gravity: m/s^2, world axes.
+///     joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+///
+/// Raises:
+///     RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
+///         gravity asks for (joint and point), no inertias, no limit, no length.
 #[pyfunction(name = "max_speed")]
 #[pyo3(signature = (chain, path, orientation_rule=None, q=None, q0=None, tool=None,
     torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=Some(JointLimits::Word("chain".into())), *, gravity=STANDARD_GRAVITY,
-    joint_limits=true))]
+    joint_limits=true),
+    text_signature = "(chain, path, orientation_rule=None, q=None, q0=None, tool=None, torque_limits=\"chain\", \
+    velocity_limits=\"chain\", *, gravity=(0.0, 0.0, -9.81), joint_limits=True)")]
 pub fn py_max_speed<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
@@ -413,7 +436,7 @@ pub fn py_max_speed<'py>(
     Ok(PyMaxSpeed { result, joint_name })
 }
 
-/// A motion over a path whose speed changes.
+/// A motion over a path whose tool speed changes.
 #[pyclass(name = "SpeedProfile", module = "redundancy", frozen)]
 pub struct PySpeedProfile {
     profile: SpeedProfile,
@@ -421,25 +444,25 @@ pub struct PySpeedProfile {
 
 #[pymethods]
 impl PySpeedProfile {
-    /// Arc length, m.
+    /// Arc length `(N,)`, m.
     #[getter]
     fn s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.profile.s)
     }
 
-    /// Tool speed, m/s.
+    /// Tool speed `(N,)`, m/s.
     #[getter]
     fn speed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.profile.speed)
     }
 
-    /// Acceleration along the path from each point to the next, m/s^2.
+    /// Along the path from each point to the next `(N,)`, m/s^2.
     #[getter]
     fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.profile.acceleration)
     }
 
-    /// Time, s.
+    /// Time `(N,)`, s.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.profile.t)
@@ -469,10 +492,26 @@ impl PySpeedProfile {
 
 type ProfileParts = (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>);
 
-/// The fastest motion over given joint positions when the speed may change.
+/// The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+///
+/// Args:
+///     chain: The arm.
+///     path: The path; only its arc lengths count.
+///     q: Joint positions `(N, n)`, one row per path point.
+///     start_speed: Tool speed at the start, m/s.
+///     end_speed: Tool speed at the end, m/s.
+///     tool: Pose of the tool in the last link, instead of the chain's.
+///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
+///     velocity_limits: `"chain"`, `(n,)` rad/s, or `None` for off (default).
+///     gravity: m/s^2, world axes.
+///
+/// Raises:
+///     RedundancyError: As `max_speed`; a speed at an end that cannot be held.
 #[pyfunction(name = "fastest_profile")]
 #[pyo3(signature = (chain, path, q, *, start_speed=0.0, end_speed=0.0, tool=None,
-    torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=None, gravity=STANDARD_GRAVITY))]
+    torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=None, gravity=STANDARD_GRAVITY),
+    text_signature = "(chain, path, q, *, start_speed=0.0, end_speed=0.0, tool=None, torque_limits=\"chain\", \
+    velocity_limits=None, gravity=(0.0, 0.0, -9.81))")]
 pub fn py_fastest_profile<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,

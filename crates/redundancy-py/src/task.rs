@@ -11,6 +11,21 @@ use crate::error::to_py;
 use crate::self_motion::Batch;
 
 /// Which coordinates of the tool's motion count.
+///
+/// `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta) Rx(psi)),
+/// `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
+/// `planar_pose` (x, y, rotation about z). Wherever an argument `task` is taken, a name does as well.
+///
+/// Args:
+///     name: One of the names above.
+///
+/// Raises:
+///     RedundancyError: An unknown name; the message lists the known ones.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> rd.Task.pointing([0, 1, 0]).dim
+///     5
 #[pyclass(name = "Task", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyTask {
@@ -25,7 +40,7 @@ impl PyTask {
         Ok(Self { task: Task::from_name(name).map_err(to_py)? })
     }
 
-    /// Position and the direction of a tool axis; the spin about it is free.
+    /// Position and the direction of `axis` `(3,)`, given in the tool frame; z by default.
     #[staticmethod]
     #[pyo3(signature = (axis=None))]
     fn pointing(axis: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
@@ -33,7 +48,7 @@ impl PyTask {
         Ok(Self { task: Task::pointing(axis).map_err(to_py)? })
     }
 
-    /// Its kind as a word.
+    /// The name of its kind.
     #[getter]
     fn name(&self) -> &'static str {
         self.task.kind().as_str()
@@ -45,7 +60,7 @@ impl PyTask {
         self.task.dim()
     }
 
-    /// The tool axis of `pointing`; z for the others.
+    /// Tool axis of `pointing`, unit length, tool frame; z for the other tasks.
     #[getter]
     fn axis(&self) -> [f64; 3] {
         let axis = self.task.axis();

@@ -28,12 +28,24 @@ use crate::status::status_to_py;
 use crate::task::{PyTask, read_task};
 use crate::watch::watched;
 
-/// When and how strongly small singular values are damped.
+/// Damped least squares with a factor of its own for each singular value (Bettini et al. 2000, section 4.3).
+///
+/// `1/sigma` becomes `sigma / (sigma^2 + lambda^2)`, lambda rising smoothly from 0 at `threshold` to `maximum` at
+/// `rho * threshold`. The paper's constants are `Damping(0.1, 0.2, 0.25)`; `"auto"` is `Damping(0.02, 0.04, 0.25)`:
+/// every task is exact where the least singular value (units of metres and radians) is 0.04 or more.
+///
+/// Args:
+///     maximum: Largest damping factor, > 0.
+///     threshold: Singular values from here on are not damped, > 0.
+///     rho: Share of the threshold below which the damping is full, in [0, 1).
 #[pyclass(name = "Damping", module = "redundancy", frozen, eq, get_all)]
 #[derive(PartialEq)]
 pub struct PyDamping {
+    /// Largest damping factor, in the unit of the singular values.
     maximum: f64,
+    /// Singular values from here on, in the unit of the task Jacobian, are not damped.
     threshold: f64,
+    /// Share of the threshold below which the damping is full.
     rho: f64,
 }
 
@@ -45,7 +57,7 @@ impl PyDamping {
         Ok(Self { maximum, threshold, rho })
     }
 
-    /// The squared damping factor of a singular value.
+    /// Squared damping factor of the singular value `sigma`.
     fn square(&self, sigma: f64) -> f64 {
         self.core().square(sigma)
     }
@@ -103,7 +115,10 @@ fn read_criterion(
     criterion.map(|criterion| criterion.get().criterion.clone())
 }
 
-/// A scheme that turns a task velocity into a joint velocity.
+/// A scheme that turns a task velocity into a joint velocity, one step in and one step out.
+///
+/// Nothing is allocated in the core's step. A resolver may be shared by threads; the reduced gradient keeps its basis
+/// from step to step.
 #[pyclass(name = "Resolver", module = "redundancy", frozen, subclass)]
 pub struct PyResolver {
     resolver: Mutex<Box<dyn Resolver>>,
@@ -122,8 +137,13 @@ impl PyResolver {
         resolver: impl Resolver + 'static,
     ) -> PyResult<Self> {
         let py = class.py();
-        let text =
-            format!("{}({}, task='{}')", class.name()?, chain.get().chain.name(), resolver.task().kind());
+        // Schemes without a criterion have none, or `None`, in that place.
+        let criterion = match arguments.get_item(1) {
+            Ok(given) if given.is_instance_of::<PyCriterion>() => format!(", {}", given.repr()?),
+            _ => String::new(),
+        };
+        let (name, task) = (chain.get().chain.name(), resolver.task().kind());
+        let text = format!("{}({name}{criterion}, task='{task}')", class.name()?);
         let recipe = PyTuple::new(py, [class.into_any(), arguments.into_any()])?.unbind();
         Ok(Self { resolver: Mutex::new(Box::new(resolver)), chain: chain.clone().unbind(), recipe, text })
     }
@@ -137,6 +157,17 @@ impl PyResolver {
 #[pymethods]
 impl PyResolver {
     /// One step.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)`, rad or m.
+    ///     task_velocity: As many numbers as the task has coordinates, m/s and rad/s; six for `pointing`, whose
+    ///         spin about the tool axis does not count.
+    ///     dt: Length of the step, s; needed for limits and for the optimal gain.
+    ///     qd: Joint velocity before the step `(n,)`; without it acceleration is not limited.
+    ///     t: Time, s, for obstacles that move.
+    ///
+    /// Raises:
+    ///     RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing.
     #[pyo3(signature = (q, task_velocity, dt=None, qd=None, *, t=0.0))]
     fn step(
         &self,
@@ -168,19 +199,19 @@ impl PyResolver {
         Ok(PyStep { qd: out, q, report, active, pairs, chain: self.chain.clone_ref(py), task })
     }
 
-    /// The chain it was made for.
+    /// The chain that it was made for.
     #[getter]
     fn chain(&self, py: Python<'_>) -> Py<PyChain> {
         self.chain.clone_ref(py)
     }
 
-    /// The task.
+    /// Which coordinates count.
     #[getter]
     fn task(&self) -> PyTask {
         PyTask { task: *self.lock().task() }
     }
 
-    /// Dependent joints of the last step; empty for schemes that have none.
+    /// Dependent joints of the last step, from 0; empty for schemes that have none.
     #[getter]
     fn basis(&self) -> Vec<usize> {
         self.lock().basis().to_vec()
@@ -236,14 +267,41 @@ impl PyResolver {
     }
 }
 
-/// Projected gradient (Bettini, De Luca, Oriolo 2000, eq. 2).
+/// Projected gradient (Bettini, De Luca, Oriolo 2000, eq. 2): `qd = J^+ v + (I - J^+ J) eta`.
+///
+/// `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near singularities
+/// J^+ is damped; the projector is exact all the same, so the freedom never moves the tool.
+///
+/// Args:
+///     chain: The arm.
+///     criterion: What the freedom is used for; None for the least joint velocity.
+///     gain: Joint velocity per unit of the gradient, >= 0, or `"optimal"`: the step that makes the criterion best
+///         after `dt` within position and velocity limits (section 4.4).
+///     task: Which coordinates count; `pose` by default.
+///     damping: `"auto"`, a `Damping`, or None for off.
+///     frame: Name of the link in whose axes and about whose origin the six coordinates of `pose` or `pose_rpy` are
+///         written inside (eq. 7): damping then acts on the singular values of that Jacobian. Velocities and task
+///         errors are given as before.
+///
+/// Raises:
+///     RedundancyError: A task with more coordinates than joints, a criterion of another arm, a gain that is negative
+///         or not finite, an unknown link, a `frame` for another task.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> arm = rd.catalog.load("iiwa14")
+///     >>> scheme = rd.ProjectedGradient(arm, rd.JointRange(arm), 10.0)
+///     >>> q = [0.3, 0.6, -0.2, 1.2, 0.1, -0.5, 0.4]
+///     >>> bool(abs(arm.jacobian(q) @ scheme.step(q, [0.0] * 6).qd).max() < 1e-12)
+///     True
 #[pyclass(name = "ProjectedGradient", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PyProjectedGradient;
 
 #[pymethods]
 impl PyProjectedGradient {
     #[new]
-    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), *, frame=None))]
+    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), *, frame=None),
+    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", *, frame=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<&Bound<'_, PyCriterion>>,
@@ -289,6 +347,28 @@ impl PyProjectedGradient {
 }
 
 /// Reduced gradient (Bettini, De Luca, Oriolo 2000, eq. 4).
+///
+/// The dependent joints follow the task, the others the reduced gradient; at equal gain this converges faster than
+/// the projected gradient. Without `basis` the dependent joints are chosen and changed before their Jacobian becomes
+/// singular, with hysteresis, blended over three steps, and reported.
+///
+/// Args:
+///     chain: The arm.
+///     criterion: As for `ProjectedGradient`.
+///     gain: As for `ProjectedGradient`.
+///     task: Which coordinates count; `pose` by default.
+///     damping: As for `ProjectedGradient`; acts only where no basis is good.
+///     basis: Dependent joints, from 0, as many as the task has coordinates; they are then kept. The paper's DEXTER
+///         with "columns 2 and 7 deleted" is `(0, 2, 3, 4, 5, 7)`.
+///     frame: As for `ProjectedGradient`: the paper's DEXTER works in `"link4"`.
+///     form: `"robust"`: the freedom never moves the tool. `"paper"`: eq. 4 as printed, with the damped inverse also in
+///         `J_R`, so that under damping it does.
+///     schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
+///         over three steps and reported. Needs `basis` for the start, and `dt` in every step.
+///
+/// Raises:
+///     RedundancyError: As for `ProjectedGradient`; a basis of another size, with a joint twice or one that there is
+///         not; a schedule without `basis`, or whose times do not ascend; an unknown form.
 #[pyclass(name = "ReducedGradient", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PyReducedGradient;
 
@@ -296,7 +376,9 @@ pub struct PyReducedGradient;
 impl PyReducedGradient {
     #[new]
     #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), basis=None, *,
-                        frame=None, form="robust", schedule=None))]
+                        frame=None, form="robust", schedule=None),
+    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", basis=None, *, frame=None, form=\"robust\", \
+        schedule=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<&Bound<'_, PyCriterion>>,
@@ -366,14 +448,25 @@ impl PyReducedGradient {
     }
 }
 
-/// Extended Jacobian (Park, Chung, Youm 1996, eq. 5).
+/// Extended Jacobian (Park, Chung, Youm 1996, eq. 5): the freedom keeps the criterion stationary.
+///
+/// Started at a stationary point it stays on that branch, so closed paths are cyclic. The task comes first: where the
+/// condition loses rank (an algorithmic singularity) only the motion of the freedom is damped, and reported.
+///
+/// Args:
+///     chain: The arm.
+///     criterion: A criterion with a Hessian.
+///     task: Which coordinates count; `pose` by default.
+///     gain: Rate, 1/s, at which the arm is drawn to the stationary point.
+///     damping: As for `ProjectedGradient`.
 #[pyclass(name = "ExtendedJacobian", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PyExtendedJacobian;
 
 #[pymethods]
 impl PyExtendedJacobian {
     #[new]
-    #[pyo3(signature = (chain, criterion, task=None, *, gain=10.0, damping=Some("auto".into())))]
+    #[pyo3(signature = (chain, criterion, task=None, *, gain=10.0, damping=Some("auto".into())),
+    text_signature = "(chain, criterion, task=None, *, gain=10.0, damping=\"auto\")")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: &Bound<'_, PyCriterion>,
@@ -407,7 +500,32 @@ impl PyExtendedJacobian {
     }
 }
 
-/// Saturation in the null space (Flacco, De Luca, Khatib 2015): hard limits.
+/// Hard limits: the largest scale of the task that the limits allow, then the joint velocity nearest to the wish.
+///
+/// Saturation in the null space in its optimal form (Flacco, De Luca, Khatib 2015). Position limits (with the distance
+/// that braking takes), velocity limits and, when `step` gets `qd`, acceleration limits of the chain hold at every step
+/// of length `dt`; where they exclude each other position comes before velocity before acceleration. A joint outside
+/// its limits is brought back. Where no scale is possible, because joints have to brake, the scale is 0 and the task is
+/// approached as nearly as the bounds allow.
+///
+/// With `scene` or `links` distances are kept too, as hard bounds: for a pair at distance d with gradient g
+/// `g . qd >= -min(alpha (d - safe_distance), sqrt(2 a_d (d - safe_distance))) - dd/dt`, alpha the barrier rate (at
+/// most `1 / dt`), a_d the deceleration along g that the acceleration limits allow, dd/dt from the obstacle's own
+/// motion; below
+/// the safe distance the first term alone, which leads away. Where bounds exclude each other position comes first, then
+/// contact, velocity, acceleration. `Step.limiting_pairs` says which pairs held a step back.
+///
+/// Args:
+///     chain: The arm with its limits.
+///     criterion: What the freedom is used for; None for the least joint velocity.
+///     gain: Joint velocity per unit of the gradient, >= 0.
+///     task: Which coordinates count; `pose` by default.
+///     damping: As for `ProjectedGradient`; off by default, near singularities the task is scaled instead.
+///     scene: Obstacles to keep a distance from.
+///     links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
+///     safe_distance: Distance that is kept, m.
+///     barrier_rate: How fast the distance to it may shrink, 1/s.
+///     self_collision: Whether links keep a distance from each other; `"auto"`: where `links` have pairs.
 #[pyclass(name = "SaturatedNullspace", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PySaturatedNullspace;
 
@@ -521,7 +639,7 @@ fn read_basis(basis: &[i64]) -> PyResult<Vec<usize>> {
     basis.iter().map(joint).collect()
 }
 
-/// What one step did.
+/// What one step of a velocity scheme did.
 #[pyclass(name = "Step", module = "redundancy", frozen)]
 pub struct PyStep {
     q: Vec<f64>,
@@ -535,49 +653,49 @@ pub struct PyStep {
 
 #[pymethods]
 impl PyStep {
-    /// Joint velocity `(n,)`.
+    /// Joint velocity `(n,)`, rad/s or m/s.
     #[getter]
     fn qd<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.qd)
     }
 
-    /// `converged`, `singular` or `limits`.
+    /// `converged`; `singular` where damping or a lost rank, `limits` where limits kept the task from being met.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.report.status)
     }
 
-    /// Share of the task velocity that is realised.
+    /// Share of the task velocity that is realised, 1 or less.
     #[getter]
     fn scale(&self) -> f64 {
         self.report.scale
     }
 
-    /// Largest damping factor that acted.
+    /// Largest damping factor that acted, in the unit of the singular values; 0 for none.
     #[getter]
     fn damping(&self) -> f64 {
         self.report.damping
     }
 
-    /// `|J qd - scale v|`.
+    /// `|J qd - scale v|` in m/s and rad/s, 0 up to rounding unless the status says otherwise.
     #[getter]
     fn residual(&self) -> f64 {
         self.report.residual
     }
 
-    /// Whether a change of basis began.
+    /// Whether a change of the reduced gradient's basis began.
     #[getter]
     fn basis_changed(&self) -> bool {
         self.report.basis_changed
     }
 
-    /// Whether the scheme's own condition, not the Jacobian, lost rank.
+    /// Whether the condition of the extended Jacobian, not the Jacobian itself, lost rank.
     #[getter]
     fn algorithmic(&self) -> bool {
         self.report.algorithmic
     }
 
-    /// Limits that acted: joint name, kind, side.
+    /// Limits that held a joint back: its name, which limit, which side.
     #[getter]
     fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
         let joints = self.chain.get().chain.joints();
@@ -590,13 +708,13 @@ impl PyStep {
             .collect()
     }
 
-    /// Pairs that held the step back: two names and their distance, m.
+    /// Pairs that held the step back: names of a link and of an obstacle or link, and their distance, m.
     #[getter]
     fn limiting_pairs(&self) -> Vec<PairText> {
         self.pairs.clone()
     }
 
-    /// Least singular value of the task Jacobian, exact, computed on request.
+    /// Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for.
     #[getter]
     fn sigma_min(&self) -> PyResult<f64> {
         sigma_min(&self.chain.get().chain, &self.task, &self.q).map_err(to_py)
@@ -679,7 +797,10 @@ type StepParts = (
     (Vec<(usize, String, bool)>, Vec<PairText>),
 );
 
-/// A plan that followed a path in closed loop.
+/// A plan that followed a path in closed loop, one row every `dt`.
+///
+/// `converged`; `off_path`: farther from the path than the tolerance, the reason gives the largest error and its row;
+/// `limits`: a joint breaks a position or speed limit; `collision`: contact; `time_limit`: the rows so far.
 #[pyclass(name = "Track", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyTrack {
     position_error: f64,
@@ -688,7 +809,7 @@ pub struct PyTrack {
 
 #[pymethods]
 impl PyTrack {
-    /// Largest distance from the path, m.
+    /// Largest distance from the path, m, of the coordinates that count.
     #[getter]
     fn position_error(&self) -> f64 {
         self.position_error
@@ -730,7 +851,33 @@ impl PyTrack {
     }
 }
 
-/// Follows a path in closed loop with a velocity scheme.
+/// Follows a path in closed loop: `v = v_path(t) + feedback * error`, `q += dt * qd`.
+///
+/// The resolver is copied, so a run does not disturb its state. A path without times is timed first: the least joint
+/// motion along it may use half of the velocity limits.
+///
+/// Args:
+///     chain: The arm, the one that the resolver was made for.
+///     resolver: The scheme.
+///     path: Poses, or positions for the tasks `position` and `planar`.
+///     q0: Joint positions at the start `(n,)`.
+///     dt: Length of a step, s.
+///     feedback: Gain of the task error, 1/s; below `2 / dt`.
+///     tolerance: Largest distance (m) and angle (rad) from the path that are still on it (1e-3, 1e-2).
+///     scene: Obstacles. With them (or links) each row has its clearance, and contact in the rows or between them is an
+///         event and the status `collision`. Those of a resolver that keeps distances are taken when left out.
+///     links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
+///     self_collision: Whether links must not touch each other; `"auto"`: where `links` have pairs.
+///     progress: Called with the share of the work done.
+///     time_limit: Seconds after which the rows so far are returned; `None` is off.
+///
+/// Returns:
+///     A trajectory with the events `basis_change`, `damping`, `limit` (which joint, which limit), `scaled`,
+///     `kinematic_singularity`, `algorithmic_singularity`, `joint_limit` (a joint beyond its limits), `contact`.
+///
+/// Raises:
+///     RedundancyError: Wrong sizes, invalid settings, another chain, a path without orientations for a task that
+///         needs them.
 #[pyfunction(name = "track")]
 #[pyo3(signature = (chain, resolver, path, q0, dt, feedback=5.0, *, tolerance=None, scene=None, links=None,
     self_collision=None, progress=None, time_limit=None),

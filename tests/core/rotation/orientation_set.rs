@@ -218,7 +218,7 @@ fn set_algebra_against_rejection() {
         inside(set, q)
     };
     for (name, set) in sets() {
-        let uniform = if full() || !name.contains("five") { &uniform[..] } else { &uniform[..n / 8] };
+        let uniform = if full() || !name.contains("five") { &uniform[..] } else { &uniform[..n / 4] };
         let members: Vec<_> = uniform.iter().filter(|q| leaves(&set, q)).collect();
         for q in uniform {
             let expected = leaves(&set, q);

@@ -51,7 +51,7 @@ pub(super) struct Written {
 /// The way to write `q` that stays farthest from the bounds; pi without any bound. Where `q` is no such sequence at any angles,
 /// minus the angle from them.
 pub(super) fn best(rotations: &[BoundedRotation], q: &UnitQuaternion<f64>) -> Written {
-    let mut search = Search::new(rotations, q);
+    let mut search = AngleSearch::new(rotations, q);
     let widest = widest(rotations);
     let mut found: Option<Written> = None;
     for start in 0..STARTS {
@@ -81,7 +81,7 @@ pub(super) fn is_member(rotations: &[BoundedRotation], q: &UnitQuaternion<f64>, 
     if rotation_angle(&place(rotations, &middle), q) > reach + LONG_MEMBER {
         return false;
     }
-    let mut search = Search::new(rotations, q);
+    let mut search = AngleSearch::new(rotations, q);
     (0..STARTS).any(|start| {
         search.start(start);
         search.descend(-tol, FIRST_SWEEPS, LONG_SLOW) <= LONG_MEMBER
@@ -90,7 +90,7 @@ pub(super) fn is_member(rotations: &[BoundedRotation], q: &UnitQuaternion<f64>, 
 
 /// Angles of the member nearest to `q`.
 pub(super) fn nearest(rotations: &[BoundedRotation], q: &UnitQuaternion<f64>) -> Vec<f64> {
-    let mut search = Search::new(rotations, q);
+    let mut search = AngleSearch::new(rotations, q);
     let mut winner: (f64, Vec<f64>) = (f64::INFINITY, vec![0.0; rotations.len()]);
     for start in 0..STARTS {
         search.start(start);
@@ -114,7 +114,7 @@ fn widest(rotations: &[BoundedRotation]) -> f64 {
 }
 
 /// A point of the search: angles within the ranges, and what they leave of the orientation.
-struct Search<'a> {
+struct AngleSearch<'a> {
     rotations: &'a [BoundedRotation],
     q: UnitQuaternion<f64>,
     angles: Vec<f64>,
@@ -130,7 +130,7 @@ struct Search<'a> {
     free: Vec<bool>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> AngleSearch<'a> {
     fn new(rotations: &'a [BoundedRotation], q: &UnitQuaternion<f64>) -> Self {
         let k = rotations.len();
         Self {

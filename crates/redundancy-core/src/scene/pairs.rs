@@ -15,6 +15,7 @@ use super::convex::Memory;
 use super::narrow::{gap, rods_apart};
 use super::solid::Rod;
 use crate::chain::Chain;
+use crate::joint_space::TURN;
 use crate::kinematics::Scratch;
 use crate::tolerance::{PAIRS_ALWAYS, PAIRS_NEVER};
 
@@ -171,8 +172,8 @@ impl<'a> Sampler<'a> {
 fn range(lower: f64, upper: f64) -> (f64, f64) {
     match (lower.is_finite(), upper.is_finite()) {
         (true, true) => (lower, upper),
-        (true, false) => (lower, lower + 2.0 * PI),
-        (false, true) => (upper - 2.0 * PI, upper),
+        (true, false) => (lower, lower + TURN),
+        (false, true) => (upper - TURN, upper),
         (false, false) => (-PI, PI),
     }
 }
