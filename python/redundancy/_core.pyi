@@ -800,16 +800,16 @@ class Sphere:
     ) -> Self: ...
     @property
     def center(self) -> NDArray[np.float64]:
-        """Centre `(3,)`, m."""
+        """Centre, m."""
     @property
     def radius(self) -> float:
         """Radius, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity `(3,)`, m/s."""
+        """Velocity, m/s."""
     @property
     def name(self) -> str | None:
-        """Its name, by which messages and `Scene(allowed=...)` know it."""
+        """Its name."""
     @property
     def attached_to(self) -> str | None:
         """The link that carries it."""
@@ -842,13 +842,13 @@ class Box:
         """Centre and axes `(4, 4)`."""
     @property
     def half_extents(self) -> NDArray[np.float64]:
-        """Half of its edges `(3,)`, m."""
+        """Half of its edges, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity `(3,)`, m/s."""
+        """Velocity, m/s."""
     @property
     def name(self) -> str | None:
-        """Its name, by which messages and `Scene(allowed=...)` know it."""
+        """Its name."""
     @property
     def attached_to(self) -> str | None:
         """The link that carries it."""
@@ -880,19 +880,19 @@ class Capsule:
     ) -> Self: ...
     @property
     def start(self) -> NDArray[np.float64]:
-        """One end of the segment `(3,)`, m."""
+        """One end of the segment, m."""
     @property
     def end(self) -> NDArray[np.float64]:
-        """The other end `(3,)`, m."""
+        """The other end, m."""
     @property
     def radius(self) -> float:
         """Radius, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity `(3,)`, m/s."""
+        """Velocity, m/s."""
     @property
     def name(self) -> str | None:
-        """Its name, by which messages and `Scene(allowed=...)` know it."""
+        """Its name."""
     @property
     def attached_to(self) -> str | None:
         """The link that carries it."""
@@ -924,7 +924,7 @@ class Cylinder:
     ) -> Self: ...
     @property
     def pose(self) -> NDArray[np.float64]:
-        """Centre and axes `(4, 4)`."""
+        """Centre and axes `(4, 4)`; it is round about z."""
     @property
     def radius(self) -> float:
         """Radius, m."""
@@ -933,10 +933,10 @@ class Cylinder:
         """Half of its length, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity `(3,)`, m/s."""
+        """Velocity, m/s."""
     @property
     def name(self) -> str | None:
-        """Its name, by which messages and `Scene(allowed=...)` know it."""
+        """Its name."""
     @property
     def attached_to(self) -> str | None:
         """The link that carries it."""
@@ -964,16 +964,16 @@ class HalfSpace:
     ) -> Self: ...
     @property
     def point(self) -> NDArray[np.float64]:
-        """A point of the plane `(3,)`, m."""
+        """A point of the plane, m."""
     @property
     def normal(self) -> NDArray[np.float64]:
-        """Away from the solid side `(3,)`."""
+        """Away from the solid side."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity `(3,)`, m/s."""
+        """Velocity, m/s."""
     @property
     def name(self) -> str | None:
-        """Its name, by which messages and `Scene(allowed=...)` know it."""
+        """Its name."""
     @property
     def attached_to(self) -> str | None:
         """The link that carries it."""
@@ -1029,14 +1029,10 @@ class Mesh:
         name: str | None = None,
         attached_to: str | None = None,
     ) -> Mesh:
-        """From an STL, OBJ or DAE file; `scale` makes metres of its numbers.
-
-        Raises:
-            RedundancyError: A file that is missing, too large or broken; in text formats with the line.
-        """
+        """From an STL, OBJ or DAE file."""
     @property
     def vertices(self) -> NDArray[np.float64]:
-        """Vertices that faces use `(V, 3)`, m, those at the same place once."""
+        """Vertices `(V, 3)` in its own coordinates, m."""
     @property
     def faces(self) -> NDArray[np.uint32]:
         """Vertex indices of its triangles `(F, 3)`."""
@@ -1051,10 +1047,10 @@ class Mesh:
         """Number of convex pieces; 0 where its triangles count one by one."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity `(3,)`, m/s."""
+        """Velocity, m/s."""
     @property
     def name(self) -> str | None:
-        """Its name, by which messages and `Scene(allowed=...)` know it."""
+        """Its name."""
     @property
     def attached_to(self) -> str | None:
         """The link that carries it."""
@@ -1181,7 +1177,7 @@ class LinkGeometry:
         chain: Chain,
         path: str | PathLike[str],
         meshes: Literal["hull", "decompose", "refuse"] = "hull",
-        package_dirs: Sequence[str | PathLike[str]] = ...,
+        package_dirs: Sequence[str | PathLike[str]] = (),
         srdf: str | PathLike[str] | None = None,
         padding: float = 0.0,
         posture: Mapping[str, float] | None = None,
@@ -1218,7 +1214,7 @@ class LinkGeometry:
         chain: Chain,
         xml: str,
         meshes: Literal["hull", "decompose", "refuse"] = "hull",
-        package_dirs: Sequence[str | PathLike[str]] = ...,
+        package_dirs: Sequence[str | PathLike[str]] = (),
         srdf: str | PathLike[str] | None = None,
         padding: float = 0.0,
         posture: Mapping[str, float] | None = None,
@@ -1814,7 +1810,7 @@ class Clearance(Criterion):
         *,
         links: LinkGeometry | float | None = None,
         self_collision: bool = False,
-        smoothing: float = ...,
+        smoothing: float = 0.002,
     ) -> Self: ...
 
 @final
@@ -1827,7 +1823,7 @@ class SelfClearance(Criterion):
         smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
     """
 
-    def __new__(cls, chain: Chain, links: LinkGeometry, *, smoothing: float = ...) -> Self: ...
+    def __new__(cls, chain: Chain, links: LinkGeometry, *, smoothing: float = 0.002) -> Self: ...
 
 @final
 class Elbow(Criterion):

@@ -315,7 +315,8 @@ pub struct PySelfClearanceCriterion;
 #[pymethods]
 impl PySelfClearanceCriterion {
     #[new]
-    #[pyo3(signature = (chain, links, *, smoothing=CLEARANCE_SMOOTHING))]
+    #[pyo3(signature = (chain, links, *, smoothing=CLEARANCE_SMOOTHING),
+        text_signature = "(chain, links, *, smoothing=0.002)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         links: &Bound<'_, PyLinkGeometry>,

@@ -95,16 +95,13 @@ impl PyLinkGeometry {
     ///     posture: Positions of joints that are not the chain's (rad or m); those that are not named are at the
     ///         position nearest to 0 within their limits, or follow the joint that they mimic.
     ///
-    /// Args:
-    ///     chain: The arm.
-    ///     path: The URDF file.
-    ///
     /// Raises:
     ///     RedundancyError: A file that is no URDF or SRDF, none of its links in the chain, no collision geometry, an
     ///         unknown shape, a size that is not positive, an unknown joint; a mesh that is broken, or missing:
     ///         the message names it and the places searched.
     #[staticmethod]
-    #[pyo3(signature = (chain, path, meshes="hull", package_dirs=vec![], srdf=None, padding=0.0, posture=None))]
+    #[pyo3(signature = (chain, path, meshes="hull", package_dirs=vec![], srdf=None, padding=0.0, posture=None),
+        text_signature = "(chain, path, meshes='hull', package_dirs=(), srdf=None, padding=0.0, posture=None)")]
     fn from_urdf(
         py: Python<'_>,
         chain: Py<PyChain>,
@@ -122,8 +119,18 @@ impl PyLinkGeometry {
     }
 
     /// The same from the text of a URDF; see `from_urdf`.
+    ///
+    /// Args:
+    ///     chain: The chain that was read from it, or one with links of the same names.
+    ///     xml: The text.
+    ///     meshes: As of `from_urdf`, like all that follows.
+    ///     package_dirs: As of `from_urdf`.
+    ///     srdf: As of `from_urdf`.
+    ///     padding: As of `from_urdf`, m.
+    ///     posture: As of `from_urdf`, rad or m.
     #[staticmethod]
-    #[pyo3(signature = (chain, xml, meshes="hull", package_dirs=vec![], srdf=None, padding=0.0, posture=None))]
+    #[pyo3(signature = (chain, xml, meshes="hull", package_dirs=vec![], srdf=None, padding=0.0, posture=None),
+        text_signature = "(chain, xml, meshes='hull', package_dirs=(), srdf=None, padding=0.0, posture=None)")]
     fn from_urdf_string(
         py: Python<'_>,
         chain: Py<PyChain>,
@@ -184,6 +191,10 @@ impl PyLinkGeometry {
     }
 
     /// Without this pair of links: they may touch.
+    ///
+    /// Args:
+    ///     first: Name of a link.
+    ///     second: Name of the other one.
     fn allow(&self, py: Python<'_>, first: &str, second: &str) -> PyResult<Self> {
         self.with(py, self.geometry.allow(first, second))
     }

@@ -58,7 +58,7 @@ macro_rules! obstacle_class {
         impl $class {
             $($own)*
 
-            /// Velocity, m/s.
+            /// Velocity `(3,)`, m/s.
             #[getter]
             fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
                 PyArray1::from_slice(py, self.obstacle.velocity.as_slice())
@@ -131,7 +131,7 @@ obstacle_class!(PySphere, {
         Self::made(sphere, extra_of(velocity, name, attached_to)?)
     }
 
-    /// Centre, m.
+    /// Centre `(3,)`, m.
     #[getter]
     fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.sphere.center.as_slice())
@@ -201,7 +201,7 @@ obstacle_class!(PyBox, {
         pose_array(py, &self.cuboid.pose)
     }
 
-    /// Half of its edges, m.
+    /// Half of its edges `(3,)`, m.
     #[getter]
     fn half_extents<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.cuboid.half_extents.as_slice())
@@ -264,13 +264,13 @@ obstacle_class!(PyCapsule, {
         Self::made(capsule, extra_of(velocity, name, attached_to)?)
     }
 
-    /// One end of the segment, m.
+    /// One end of the segment `(3,)`, m.
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.capsule.start.as_slice())
     }
 
-    /// The other end, m.
+    /// The other end `(3,)`, m.
     #[getter]
     fn end<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.capsule.end.as_slice())
@@ -405,13 +405,13 @@ obstacle_class!(PyHalfSpace, {
         Self::made(half_space, extra_of(velocity, name, None)?)
     }
 
-    /// A point of the plane, m.
+    /// A point of the plane `(3,)`, m.
     #[getter]
     fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.half_space.point.as_slice())
     }
 
-    /// Away from the solid side.
+    /// Unit vector `(3,)` away from the solid side.
     #[getter]
     fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.half_space.normal.as_slice())
@@ -508,6 +508,18 @@ obstacle_class!(PyMesh, {
     }
 
     /// From an STL, OBJ or DAE file.
+    ///
+    /// Args:
+    ///     path: The file.
+    ///     scale: Factor of its numbers; they are m then.
+    ///     pose: Where its coordinates are.
+    ///     solid: As of the class.
+    ///     velocity: `(3,)`, m/s, of an obstacle that moves.
+    ///     name: For reports and `allowed`.
+    ///     attached_to: Link that carries it.
+    ///
+    /// Raises:
+    ///     RedundancyError: A file that cannot be read or is broken, numbers that are not finite.
     #[staticmethod]
     #[pyo3(signature = (path, *, scale=1.0, pose=None, solid="exact", velocity=None, name=None, attached_to=None))]
     fn from_file(

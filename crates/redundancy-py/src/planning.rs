@@ -242,7 +242,7 @@ impl PySwivelFlow {
     #[pyo3(signature = (arm, desired, scene=None, form="robust", link_radius=None, *, branch=None, tau=None,
         lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, active_distance=None,
         barrier_rate=None, links=None, self_collision=None),
-        text_signature = "(arm, desired, scene=None, form='robust', link_radius=None, *, branch=[1, 1, 1], tau=None, \
+        text_signature = "(arm, desired, scene=None, form='robust', link_radius=None, *, branch=None, tau=None, \
             lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, \
             active_distance=None, barrier_rate=None, links=None, self_collision='auto')")]
     fn new(
