@@ -800,13 +800,13 @@ class Sphere:
     ) -> Self: ...
     @property
     def center(self) -> NDArray[np.float64]:
-        """Centre, m."""
+        """Centre `(3,)`, m."""
     @property
     def radius(self) -> float:
         """Radius, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity, m/s."""
+        """Velocity `(3,)`, m/s."""
     @property
     def name(self) -> str | None:
         """Its name."""
@@ -842,10 +842,10 @@ class Box:
         """Centre and axes `(4, 4)`."""
     @property
     def half_extents(self) -> NDArray[np.float64]:
-        """Half of its edges, m."""
+        """Half of its edges `(3,)`, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity, m/s."""
+        """Velocity `(3,)`, m/s."""
     @property
     def name(self) -> str | None:
         """Its name."""
@@ -880,16 +880,16 @@ class Capsule:
     ) -> Self: ...
     @property
     def start(self) -> NDArray[np.float64]:
-        """One end of the segment, m."""
+        """One end of the segment `(3,)`, m."""
     @property
     def end(self) -> NDArray[np.float64]:
-        """The other end, m."""
+        """The other end `(3,)`, m."""
     @property
     def radius(self) -> float:
         """Radius, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity, m/s."""
+        """Velocity `(3,)`, m/s."""
     @property
     def name(self) -> str | None:
         """Its name."""
@@ -933,7 +933,7 @@ class Cylinder:
         """Half of its length, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity, m/s."""
+        """Velocity `(3,)`, m/s."""
     @property
     def name(self) -> str | None:
         """Its name."""
@@ -964,13 +964,13 @@ class HalfSpace:
     ) -> Self: ...
     @property
     def point(self) -> NDArray[np.float64]:
-        """A point of the plane, m."""
+        """A point of the plane `(3,)`, m."""
     @property
     def normal(self) -> NDArray[np.float64]:
-        """Away from the solid side."""
+        """Unit vector `(3,)` away from the solid side."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity, m/s."""
+        """Velocity `(3,)`, m/s."""
     @property
     def name(self) -> str | None:
         """Its name."""
@@ -1029,7 +1029,20 @@ class Mesh:
         name: str | None = None,
         attached_to: str | None = None,
     ) -> Mesh:
-        """From an STL, OBJ or DAE file."""
+        """From an STL, OBJ or DAE file.
+
+        Args:
+            path: The file.
+            scale: Factor of its numbers; they are m then.
+            pose: Where its coordinates are.
+            solid: As of the class.
+            velocity: `(3,)`, m/s, of an obstacle that moves.
+            name: For reports and `allowed`.
+            attached_to: Link that carries it.
+
+        Raises:
+            RedundancyError: A file that cannot be read or is broken, numbers that are not finite.
+        """
     @property
     def vertices(self) -> NDArray[np.float64]:
         """Vertices `(V, 3)` in its own coordinates, m."""
@@ -1047,7 +1060,7 @@ class Mesh:
         """Number of convex pieces; 0 where its triangles count one by one."""
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity, m/s."""
+        """Velocity `(3,)`, m/s."""
     @property
     def name(self) -> str | None:
         """Its name."""
@@ -1200,10 +1213,6 @@ class LinkGeometry:
             posture: Positions of joints that are not the chain's (rad or m); those that are not named are at the
                 position nearest to 0 within their limits, or follow the joint that they mimic.
 
-        Args:
-            chain: The arm.
-            path: The URDF file.
-
         Raises:
             RedundancyError: A file that is no URDF or SRDF, none of its links in the chain, no collision geometry, an
                 unknown shape, a size that is not positive, an unknown joint; a mesh that is broken, or missing:
@@ -1219,7 +1228,17 @@ class LinkGeometry:
         padding: float = 0.0,
         posture: Mapping[str, float] | None = None,
     ) -> LinkGeometry:
-        """The same from the text of a URDF; see `from_urdf`."""
+        """The same from the text of a URDF; see `from_urdf`.
+
+        Args:
+            chain: The chain that was read from it, or one with links of the same names.
+            xml: The text.
+            meshes: As of `from_urdf`, like all that follows.
+            package_dirs: As of `from_urdf`.
+            srdf: As of `from_urdf`.
+            padding: As of `from_urdf`, m.
+            posture: As of `from_urdf`, rad or m.
+        """
     def with_capsule(self, link: str, start: ArrayLike, end: ArrayLike, radius: float) -> LinkGeometry:
         """With one more capsule.
 
@@ -1240,7 +1259,12 @@ class LinkGeometry:
             pose: In the frame of the link; the link's own frame when left out.
         """
     def allow(self, first: str, second: str) -> LinkGeometry:
-        """Without this pair of links: they may touch."""
+        """Without this pair of links: they may touch.
+
+        Args:
+            first: Name of a link.
+            second: Name of the other one.
+        """
     @property
     def names(self) -> list[str]:
         """Names of the links that have shapes."""
