@@ -38,7 +38,10 @@ def test_rules_and_plan_are_compared_and_the_plan_is_written(capsys, strokes, tm
     summary = json.loads((out / "summary.json").read_text())
     assert summary["written"] == "plan" and summary["plan"]["status"] in ("time_limit", "converged")
     plan = next(choice for choice in summary["choices"] if choice["name"] == "plan")
-    assert plan["speed"] == summary["speed_m_s"] and plan["gain"] > 1.0
+    # Accelerations, and room for the leads, may slow the whole path.
+    slower = summary["timing"]["slowed_down_by"]
+    assert summary["speed_m_s"] == pytest.approx(plan["speed"] / slower, rel=1e-12) and slower >= 1.0
+    assert plan["gain"] > 1.0
     gun = np.eye(4)
     gun[:3, 3] = (-0.15, 0.0, 0.4)
     arm = rd.catalog.load("puma560").with_tool(gun)
@@ -120,7 +123,7 @@ def test_what_cannot_be_followed_ends_with_1(capsys, strokes, tmp_path):
         (("--robot", "pa10", "--torque-limits", "9,9,9,9,9,9,9"), "'pa10' has no inertias"),
         (("--robot", "pa10", "--velocity-limits", "off"), "no torque or velocity limit"),
         (("--robot", "r2d2"), "unknown robot 'r2d2'"),
-        (("--robot", "puma560", "--tool", "1,2"), "--tool is '1,2', it must be 3 numbers"),
+        (("--robot", "puma560", "--tool", "1,2"), "--tool is '1,2', it must be 3 comma-separated numbers"),
         (("--robot", "puma560", "--rule", "spiral"), "--rule has 'spiral'"),
         (("--robot", "puma560", "--torque-margin", "100"), "--torque-margin is 100"),
         (("--robot", "puma560", "--spin", "wild"), "--spin is 'wild'"),

@@ -77,8 +77,8 @@ impl OrientationSet {
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self::All(joined(self, other, |set| match set {
-            Self::All(parts) => Ok(parts),
-            other => Err(other),
+            Self::All(parts) => parts,
+            other => vec![other],
         }))
     }
 
@@ -86,8 +86,8 @@ impl OrientationSet {
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self::Any(joined(self, other, |set| match set {
-            Self::Any(parts) => Ok(parts),
-            other => Err(other),
+            Self::Any(parts) => parts,
+            other => vec![other],
         }))
     }
 
@@ -198,9 +198,9 @@ impl OrientationSet {
 fn joined(
     a: OrientationSet,
     b: OrientationSet,
-    parts: impl Fn(OrientationSet) -> std::result::Result<Vec<OrientationSet>, OrientationSet>,
+    parts: impl Fn(OrientationSet) -> Vec<OrientationSet>,
 ) -> Vec<OrientationSet> {
-    [a, b].into_iter().flat_map(|set| parts(set).unwrap_or_else(|one| vec![one])).collect()
+    [a, b].into_iter().flat_map(parts).collect()
 }
 
 /// A set as what proposes orientations, uniformly, with its total measure.
