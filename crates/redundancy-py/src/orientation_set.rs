@@ -133,8 +133,9 @@ impl PyOrientationSet {
 
     /// The member nearest to `q`, on its side of the double cover; `q` itself when it is a member.
     ///
-    /// Of unions and of intersections whose nearest point lies on the boundary of one part it is exact to rounding;
-    /// where it lies on an edge between parts it is found by alternating projections, to some 1e-6 rad.
+    /// Of a union of volumes and cones it is the nearest of the parts'. Of an intersection it is the best of a local
+    /// search: the nearest member of one part where that lies in the others, else a point on an edge between parts,
+    /// found by alternating projections. A nearer member may exist elsewhere, where the set is not convex.
     ///
     /// Args:
     ///     q: `(w, x, y, z)`, `(4,)` or `(N, 4)`, unit norm.

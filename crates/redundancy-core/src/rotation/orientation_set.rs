@@ -112,7 +112,8 @@ impl OrientationSet {
     }
 
     /// The member nearest to `q`, on its side of the double cover; `q` itself when it is a member; `None` where no common
-    /// member of an intersection was found.
+    /// member of an intersection was found. Of an intersection it is the best of a local search: a nearer member may exist
+    /// elsewhere.
     pub fn nearest(&self, q: &UnitQuaternion<f64>) -> Option<UnitQuaternion<f64>> {
         if self.contains(q, 0.0) {
             return Some(*q);
