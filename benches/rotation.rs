@@ -27,7 +27,7 @@ impl Random {
     }
 }
 
-/// The random problems: variant 1 (two cones), 2 (x cone), 3 (spin).
+/// Random problems: variant 1 (two cones), 2 (x cone), 3 (spin).
 fn problems(variant: usize, count: usize) -> Result<Vec<Vec<Barrier>>, Failure> {
     let mut random = Random(ChaCha8Rng::seed_from_u64(7));
     let mut list = vec![];

@@ -1,6 +1,6 @@
 """Table I of 'Real-time Optimal Trajectory Planning ...' (From and Gravdahl, 2009) with our figures beside it.
 
-The printed maximum times of rows 2 and 3 are 60 iterations, not 50 (ground truth). The paper's times are those of an
+The printed maximum times of rows 2 and 3 are 60 iterations, not 50. The paper's times are those of an
 Intel T7200 at 2 GHz; ours are taken through Python, where a call costs a microsecond of its own. The numbers of the
 core alone are in `benches/rotation.rs`.
 """

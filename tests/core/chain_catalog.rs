@@ -66,7 +66,7 @@ fn pa10() {
     assert_near(arm.lower(), &upper.iter().map(|v| -v).collect::<Vec<_>>());
     assert_near(&velocity(&arm), &degrees(&[57.0, 57.0, 114.0, 114.0, 360.0, 360.0, 360.0]));
     assert_near(&effort(&arm), &NONE[..7]);
-    // ground truth pa10.md, test vector 1: this q reaches p = (.5, .1, 1), q = unit(1, 0, 1, 0)
+    // computed independently of this library: this q reaches p = (.5, .1, 1), q = unit(1, 0, 1, 0)
     let q =
         [0.0926320764, 1.1371838489, 3.0050722472, 1.1024751202, 3.1068703321, 1.5440001559, 0.1248233278];
     let tip = arm.forward(&q).unwrap();
@@ -116,7 +116,7 @@ fn dexter() {
     assert_near(arm.upper(), &degrees(&[179.89, 84.0, 173.0, 295.0, -3.0, 265.0, -45.0, 30.0]));
     assert_near(&velocity(&arm), &NONE);
     assert_near(&effort(&arm), &NONE);
-    // ground truth dexter.md: f(q_in) with R = Rz(0) Ry(-40 deg) Rx(0)
+    // computed independently of this library: f(q_in) with R = Rz(0) Ry(-40 deg) Rx(0)
     let start = degrees(&[40.0, 0.0, 90.0, 180.0, -90.0, 180.0, -90.0, 0.0]);
     let tip = arm.forward(&start).unwrap();
     assert!((tip.translation.vector - Vector3::new(1.022403981, 0.0, 0.181697827)).amax() < 5e-10);

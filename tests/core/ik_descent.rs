@@ -1,6 +1,6 @@
 //! The best value of one joint, and the five descent algorithms.
 
-#![allow(clippy::print_stderr)] // rates beside those of the ground truth, with --nocapture
+#![allow(clippy::print_stderr)] // rates beside the expected ones, with --nocapture
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -35,7 +35,7 @@ fn turned(pose: &Pose, axis: &Vector3<f64>, origin: &Vector3<f64>, psi: f64) -> 
 }
 
 #[test]
-fn vector_of_the_ground_truth() {
+fn vector_computed_independently() {
     let axis = Vector3::new(1.0, 2.0, 2.0) / 3.0;
     let origin = Vector3::new(0.1, -0.2, 0.3);
     let from = pose([0.5, 0.4, -0.1], [0.5, 0.5, 0.5, 0.5]);
@@ -266,7 +266,7 @@ fn traces_are_measured_and_attractions_attract() {
     assert!(with < 0.8 * without, "{with} {without}");
 }
 
-/// Damped least squares as in the ground truth: lambda .05, 500 iterations.
+/// Damped least squares: lambda .05, 500 iterations.
 fn damped_least_squares(chain: &Chain, target: &Pose, q0: &[f64], tolerance: [f64; 2]) -> [bool; 2] {
     let mut q = q0.to_vec();
     let mut scratch = redundancy_core::kinematics::Scratch::new(chain);
@@ -291,9 +291,9 @@ fn damped_least_squares(chain: &Chain, target: &Pose, q0: &[f64], tolerance: [f6
     reached
 }
 
-/// The table of the ground truth, under its conditions; within 4 points on 5 000 targets (12 on the small sample).
+/// Expected success rates, under their conditions; within 4 points on 5 000 targets (12 on the small sample).
 #[test]
-fn success_rates_of_the_ground_truth() {
+fn success_rates_are_the_expected_ones() {
     let chain = puma();
     let n = amount(120, 5_000);
     let points = if n < 5_000 { 12.0 } else { 4.0 };
@@ -330,7 +330,7 @@ fn success_rates_of_the_ground_truth() {
         }
         for (hit, expected) in hits.iter().zip(expected) {
             let rate = 100.0 * *hit as f64 / cases.len() as f64;
-            eprintln!("{} {rate:.1} (ground truth {expected})", method.as_str());
+            eprintln!("{} {rate:.1} (expected {expected})", method.as_str());
             assert!((rate - expected).abs() <= points, "{} {rate} {expected}", method.as_str());
         }
     }
@@ -341,7 +341,7 @@ fn success_rates_of_the_ground_truth() {
     }
     for (hit, expected) in hits.iter().zip([98.0, 94.0]) {
         let rate = 100.0 * *hit as f64 / n as f64;
-        eprintln!("damped least squares {rate:.1} (ground truth {expected})");
+        eprintln!("damped least squares {rate:.1} (expected {expected})");
         assert!((rate - expected).abs() <= points, "damped least squares {rate} {expected}");
     }
     // Levenberg-Marquardt alone, and after ten sweeps of coordinate descent.
@@ -360,7 +360,7 @@ fn success_rates_of_the_ground_truth() {
         [("newton", hits[0], 99.6), ("coordinate descent, then newton", hits[1], 99.7)]
     {
         let rate = 100.0 * hit as f64 / n as f64;
-        eprintln!("{name} {rate:.1} (ground truth {expected})");
+        eprintln!("{name} {rate:.1} (expected {expected})");
         assert!(rate >= expected - points, "{name} {rate}");
     }
 }

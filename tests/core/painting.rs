@@ -33,7 +33,7 @@ fn run(chain: &Chain, path: &Path, rule: RuleKind) -> MaxSpeed {
 }
 
 #[test]
-fn every_rule_gains_what_the_ground_truth_says() {
+fn every_rule_gains_the_expected_speed() {
     let angle = 10f64.to_radians();
     let spin = RuleSpin::Pointing;
     let barrier = BarrierRule::default();

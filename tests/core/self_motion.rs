@@ -37,7 +37,7 @@ fn narrow(seed: u64) -> [Limits; 7] {
 }
 
 #[test]
-fn vectors_of_the_ground_truth() {
+fn vectors_computed_independently() {
     let arm = SrsArm::new(&pa10()).unwrap();
     let rows = arm.solve(&pose([0.5, 0.1, 1.0], [1.0, 0.0, 1.0, 0.0]), Swivel::Angle(0.0), false).unwrap();
     let expected =
@@ -187,7 +187,7 @@ fn check_intervals(chain: &Chain, branch: &Branch<'_>, margin: f64) -> usize {
 }
 
 #[test]
-fn arcs_of_the_ground_truth() {
+fn arcs_computed_independently() {
     let arm = SrsArm::new(&pa10()).unwrap();
     let motion = arm.self_motion(&pose([0.4, -0.3, 0.6], [1.0, 2.0, 3.0, 4.0])).unwrap();
     let branches = motion.branches();

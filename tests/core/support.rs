@@ -11,7 +11,7 @@ pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// `REDUNDANCY_TEST_FULL=1` runs the sizes that the issues name, otherwise a seeded subset.
+/// `REDUNDANCY_TEST_FULL=1` runs the full sizes, otherwise a seeded subset.
 pub fn amount(quick: usize, full: usize) -> usize {
     if std::env::var("REDUNDANCY_TEST_FULL").is_ok_and(|v| v == "1") { full } else { quick }
 }

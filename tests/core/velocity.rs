@@ -37,7 +37,7 @@ fn random_q(rng: &mut ChaCha8Rng, arm: &Chain) -> Vec<f64> {
     arm.joints().iter().map(|j| rng.random_range(j.limits.lower.max(-3.0)..j.limits.upper.min(5.2))).collect()
 }
 
-/// Ground truth, vector V1.
+/// Vectors computed independently of this library.
 #[test]
 fn the_vectors_of_dexter() {
     let (arm, q, h) = dexter();
@@ -134,7 +134,7 @@ fn dexter_run_to_the_end(resolver: &mut dyn Resolver, moves: bool) -> DexterRun 
     DexterRun { values, distance, angle: angle.to_degrees(), left, q, changes }
 }
 
-/// The objective table of the ground truth within 2e-6.
+/// The objective table, computed independently, within 2e-6.
 #[test]
 fn the_objective_table_of_dexter() {
     let (arm, _, h) = dexter();

@@ -310,7 +310,7 @@ def test_a_rotation_that_is_not_orthonormal_is_measured() -> None:
 # The best value of one joint, and the five descent algorithms
 
 
-def test_vector_of_the_ground_truth() -> None:
+def test_vector_computed_independently() -> None:
     from scipy.spatial.transform import RigidTransform, Rotation
 
     axis, origin = np.array([1.0, 2.0, 2.0]) / 3, [0.1, -0.2, 0.3]

@@ -17,7 +17,7 @@ from redundancy import plot_painting
 GOLDEN = File(__file__).parents[1] / "golden"
 RULES = rd.orientation_rules
 TEN, TWENTY, SIXTY = np.deg2rad([10.0, 20.0, 60.0])
-# What the ground truth measured, relative to a constant orientation at 0.910 m/s: REF-A, REF-B.
+# Independently computed speeds, relative to a constant orientation at 0.910 m/s: REF-A, REF-B.
 RATIOS = {
     "pointing": (RULES.pointing(), (1.000, 1.170)),
     "tilt_square": (RULES.tilt_square(angle=TEN, spin="pointing"), (1.201, 1.464)),
@@ -44,7 +44,7 @@ def chain() -> rd.Chain:
 
 
 @pytest.mark.parametrize("name", ["a", "b"])
-def test_every_rule_gains_what_the_ground_truth_says(chain: rd.Chain, name: str) -> None:
+def test_every_rule_gains_the_expected_speed(chain: rd.Chain, name: str) -> None:
     path = reference(name)
     constant = rd.max_speed(chain, path, RULES.constant(), tool=tool(name))
     assert constant.speed == pytest.approx(0.910, rel=5e-3)

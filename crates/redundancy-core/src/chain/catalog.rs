@@ -255,7 +255,7 @@ fn dexter() -> Result<Chain> {
 /// Unimation PUMA 560, base frame at the shoulder, standard D-H.
 ///
 /// - Geometry, masses, inertias, gear ratios, motor inertias and torque limits: the parameters that Corke and
-///   Armstrong-Helouvry compiled `[Corke1994]`, as used by `[FromGravdahl2007]`'s experiment (ground truth of the project).
+///   Armstrong-Helouvry compiled `[Corke1994]`, as used in the experiment of `[FromGravdahl2007]`.
 ///   The inertia of a rotor at its joint is gear ratio squared times motor inertia; friction is left out.
 /// - Position limits in these D-H angles: +-160, -45..225, -232..52, +-140, +-100, +-266 deg.
 /// - Velocity limits are not published with that set.

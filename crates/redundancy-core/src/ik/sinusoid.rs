@@ -2,7 +2,7 @@
 //!
 //! While one joint moves by `psi`, the squared distance of a point from a target is `K + a cos psi + b sin psi`, and so
 //! is the squared distance of the unit axes of two frames: the sum of both, weighted, has its minimum at
-//! `psi = atan2(-b, -a)` [FromGravdahl2007, eqs (17) to (41), with the corrections of the project's notes: eq. (25) as
+//! `psi = atan2(-b, -a)` [FromGravdahl2007, eqs (17) to (41), with two corrections: eq. (25) as
 //! printed is the maximum, eqs (40) to (42) hold in the joint frame only]. For a turning joint with unit axis n through o,
 //! tool at p, R, target pd, Rd, and `v = p - o`, `vd = pd - o`, `M = R Rd^T`:
 //!

@@ -7,12 +7,12 @@
 //! # Derivation
 //! Both terms grow with the angle to their axis, so `z` lies on the arc from `u` to `c`, of length `omega`. At the
 //! angle `t` from `u`, `h` is strictly convex on `(max(0, omega - alpha), min(beta, omega))`, which is not empty iff
-//! `omega < alpha + beta` (ground truth, 'The barrier problem'). With `x = tan(t/2)`, `y = tan((omega - t)/2)`,
+//! `omega < alpha + beta`. With `x = tan(t/2)`, `y = tan((omega - t)/2)`,
 //! `B = tan(beta/2)`, `A = tan(alpha/2)`, `T = tan(omega/2)`, `h' = 0` reads
 //!
 //! `k1 (1 + B^2) x / (B^2 - x^2) = k2 (1 + A^2) y / (A^2 - y^2)`, `y = (T - x) / (1 + T x)`,
 //!
-//! a quartic in `x` (the ground truth has it in `e^(it)`) with exactly one root in the interval, in which every
+//! a quartic in `x` with exactly one root in the interval, in which every
 //! factor is a product of differences, so that nothing cancels in thin or tiny cones:
 //!
 //! `k1 (1+B^2) x (1+A T)(x - x_a)((T+A) + (A T - 1) x) - k2 (1+A^2)(T - x)(1 + T x)(B - x)(B + x) = 0`,

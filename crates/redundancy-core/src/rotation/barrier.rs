@@ -2,7 +2,7 @@
 //!
 //! `phi(q) = sum_i k_i (-log m_i(q))` [FromGravdahl2009, eqs. (27), (34), (43), (46)], in the body tangent space:
 //! `grad phi = -sum k_i grad m_i / m_i`, `Hess phi = sum k_i (grad m_i grad m_i^T / m_i^2 - Hess m_i / m_i)`.
-//! The paper's `grad phi_tcp` has the opposite overall sign in print (ground truth).
+//! The paper's `grad phi_tcp` has the opposite overall sign in print.
 //!
 //! Outside of the sets the barrier is infinite.
 

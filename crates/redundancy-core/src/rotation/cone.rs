@@ -11,7 +11,7 @@
 //! The **spin** about the body axis `n` against a reference orientation has, with `r = conj(reference) * q` and
 //! `t = r3 / r0 = tan(twist / 2)`, the margin `m = kappa^2 - t^2`, `kappa = tan(max_angle / 2)`
 //! [FromGravdahl2009, eqs. (20) and (46)]. For a downward tool the reference must contain the flip, otherwise `r0`
-//! vanishes (ground truth on eqs. (45), (46)).
+//! vanishes.
 //!
 //! # Derivatives
 //! Gradients and Hessians are those of `delta -> m(q * exp(delta))` at 0, `delta` a rotation vector (rad) in body

@@ -6,7 +6,7 @@
 //! hold for `Q` of any length, `normalise(Q - a g)` is done by carrying the square of the length along.
 //! In rotation vectors the gradient is half of `g`.
 //!
-//! [FromGravdahl2009, eqs. (39), (40), (44)] with the ground truth's corrections.
+//! [FromGravdahl2009, eqs. (39), (40), (44)] with corrections.
 
 use nalgebra::{Matrix4, Quaternion, Unit, UnitQuaternion, Vector4};
 

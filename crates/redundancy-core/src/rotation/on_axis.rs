@@ -7,7 +7,7 @@
 //!
 //! Newton: on the sphere of the axis, two unknowns in place of three.
 //!
-//! [FromGravdahl2009, eqs. (39), (40)] with the ground truth's corrections.
+//! [FromGravdahl2009, eqs. (39), (40)] with corrections.
 
 use nalgebra::{Unit, Vector3};
 

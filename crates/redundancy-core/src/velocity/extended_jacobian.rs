@@ -20,10 +20,10 @@
 //! z = -sense gain mu / max(|w|, threshold)               sense: 1 to minimise, -1 to maximise
 //! ```
 //!
-//! and so arrives at the next minimum or maximum. A point that is no such optimum is also left where the
-//! task alone takes a joint beyond its speed limit: minima of the manipulability lead to singularities of J. Everywhere the motion of the freedom is scaled down until no joint is
-//! faster than the larger of its limit and [`FREEDOM_SPEED_RATIO`] times the fastest joint of `J^+ v`
-//! ([`Resolver::speed_bound`]).
+//! and so arrives at the next minimum or maximum. A point that is no such optimum is also left where the task alone takes
+//! a joint beyond its speed limit: minima of the manipulability lead to singularities of J. Everywhere the motion of the
+//! freedom is scaled down until no joint is faster than the larger of its limit and [`FREEDOM_SPEED_RATIO`] times the
+//! fastest joint of `J^+ v` ([`Resolver::speed_bound`]).
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! Closed-form inverse kinematics of spherical-revolute-spherical arms [Moore2010], with the corrections of the
-//! project's notes.
+//! Closed-form inverse kinematics of spherical-revolute-spherical arms [Moore2010], with
+//! corrections.
 //!
 //! For a pose the wrist centre W is fixed. With `v = W - S`, `d = |v|`, `n = v/d` and arms of length L2, L3:
 //!

@@ -1,0 +1,193 @@
+"""Single steps against their formulas in numpy: a wrong sign, factor or bound shows here."""
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+from scipy.optimize import minimize_scalar
+
+import redundancy as rd
+
+DT = 0.01
+
+
+def best_share(arm, h, q, least, freedom, dt):
+    """Interval and best factor of the freedom after one step, found by search."""
+    a, b = q + dt * least, dt * freedom
+    reach = dt * arm.velocity_limit
+    bottom, top = np.maximum(arm.lower, q - reach), np.minimum(arm.upper, q + reach)
+    # The elbow of an S-R-S arm is moved by the task alone.
+    moves = np.abs(b) > 1e-9
+    ends = np.sort(np.array([(bottom - a)[moves] / b[moves], (top - a)[moves] / b[moves]]), axis=0)
+    low, high = ends[0].max(), ends[1].min()
+    if low > high or np.any((a < bottom) & ~moves) or np.any((a > top) & ~moves):
+        return None
+    sign = 1.0 if h.sense == "minimize" else -1.0
+    found = minimize_scalar(
+        lambda x: sign * h.value(a + x * b), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+    )
+    free = minimize_scalar(lambda x: sign * h.value(a + x * b)).x
+    return low, high, found.x, free
+
+
+@pytest.mark.parametrize("scheme", [rd.ProjectedGradient, rd.ReducedGradient])
+def test_the_optimal_step_is_the_best_within_its_interval(scheme):
+    arm = rd.catalog.load("iiwa14")
+    rng = np.random.default_rng(3)
+    seen = {"free": 0, "high": 0, "low": 0, "none": 0}
+    for k in range(800):
+        q = rng.uniform(0.8 * arm.lower, 0.8 * arm.upper)
+        jacobian = arm.jacobian(q)
+        if np.linalg.svd(jacobian, compute_uv=False)[-1] < 0.1:
+            continue
+        # Near its optimum the freedom is needed for the limits alone: there the lower end counts.
+        h = rd.Posture(arm, q + 0.02 * rng.normal(size=7)) if k % 2 else rd.JointRange(arm)
+        dt = rng.choice([0.01, 0.3, 1.0])
+        v = jacobian @ (rng.normal(size=7) * arm.velocity_limit * rng.choice([0.02, 0.4, 0.8]))
+        options = {"damping": None}
+        if scheme is rd.ReducedGradient:
+            options["basis"] = (0, 1, 2, 3, 4, 5)
+        least = scheme(arm, h, 0.0, **options).step(q, v).qd
+        freedom = scheme(arm, h, 1.0, **options).step(q, np.zeros(6)).qd
+        if np.abs(np.delete(freedom, 3)).min() < 1e-4:
+            continue
+        if k % 3 == 0:
+            # One joint is too fast for the task alone: the freedom has to help.
+            limits = 0.5 + 2.0 * np.abs(least)
+            limits[5] = 0.9 * np.abs(least[5])
+            slow = arm.with_limits(velocity=limits)
+        else:
+            slow = arm
+        step = scheme(slow, h, "optimal", **options).step(q, v, dt)
+        found = best_share(slow, h, q, least, freedom, dt)
+        if found is None:
+            seen["none"] += 1
+            assert step.status == "limits"
+            np.testing.assert_allclose(step.qd, least, atol=1e-9)
+            continue
+        low, high, best, free = found
+        seen["high" if free > high else "low" if free < low else "free"] += 1
+        size = np.abs(freedom).max()
+        share = (step.qd - least) @ freedom / (freedom @ freedom)
+        assert abs(share - np.clip(free, low, high)) * size < 1e-5 * max(1.0, abs(free) * size)
+        assert abs(share - best) * size < 1e-3 * max(1.0, abs(best) * size)
+        np.testing.assert_allclose(
+            step.qd, least + share * freedom, atol=1e-8 * max(1.0, np.abs(step.qd).max())
+        )
+        assert np.all(np.abs(step.qd) <= slow.velocity_limit * (1 + 1e-9))
+    assert min(seen.values()) >= 3, seen
+
+
+def test_a_change_of_basis_is_blended_over_three_steps():
+    arm = rd.catalog.load("dexter")
+    h = rd.JointRange(arm)
+    q = np.radians([40.0, 0.0, 90.0, 180.0, -90.0, 180.0, -90.0, 0.0])
+    v = np.array([0.1, 0.0, -0.05, 0.0, 0.2, 0.0])
+    first, second = (0, 2, 3, 4, 5, 7), (0, 2, 3, 5, 6, 7)
+    options = {"task": "pose_rpy", "damping": None}
+    old, new = (rd.ReducedGradient(arm, h, 5.0, basis=b, **options).step(q, v).qd for b in (first, second))
+    assert np.abs(old - new).max() > 1e-2
+    scheme = rd.ReducedGradient(arm, h, 5.0, basis=first, schedule=[(2 * DT, second)], **options)
+    steps = [scheme.step(q, v, DT) for _ in range(8)]
+    assert [k for k, step in enumerate(steps) if step.basis_changed] == [2]
+    for step, share in zip(steps, [1.0, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0, 0.0], strict=True):
+        np.testing.assert_allclose(step.qd, share * old + (1.0 - share) * new, atol=1e-9)
+
+
+def test_the_reduced_gradient_is_that_of_its_formula():
+    arm = rd.catalog.load("iiwa14")
+    h = rd.JointRange(arm)
+    basis, free = [0, 1, 3, 4, 5, 6], [2]
+    q = np.array([0.3, 0.6, -0.2, 1.2, 0.1, -0.5, 0.4])
+    v = np.array([0.1, 0.0, -0.05, 0.0, 0.2, 0.0])
+    jacobian, eta = arm.jacobian(q), -5.0 * h.gradient(q)
+    reduced = np.linalg.solve(jacobian[:, basis], jacobian[:, free])
+    wanted = np.empty(7)
+    wanted[free] = eta[free] - reduced.T @ eta[basis]
+    wanted[basis] = np.linalg.solve(jacobian[:, basis], v - jacobian[:, free] @ wanted[free])
+    step = rd.ReducedGradient(arm, h, 5.0, basis=basis, damping=None).step(q, v)
+    np.testing.assert_allclose(step.qd, wanted, atol=1e-9)
+
+
+def test_a_double_sweep_goes_there_and_back():
+    arm = rd.catalog.load("iiwa14")
+    rng = np.random.default_rng(5)
+
+    def sweep(order, pose, q):
+        return rd.IkSolver(arm, "coordinate_descent", order=order, max_iterations=1).trace(pose, q).q
+
+    for _ in range(5):
+        goal, q = rng.uniform(0.8 * arm.lower, 0.8 * arm.upper, size=(2, 7))
+        pose = arm.forward(goal)
+        there = sweep("tip_to_base", pose, q)
+        back = sweep("base_to_tip", pose, there)
+        assert np.abs(back - there).max() > 1e-3
+        np.testing.assert_allclose(sweep("double", pose, q), back, atol=1e-9)
+
+
+def srs_pose():
+    arm = rd.SrsArm(rd.catalog.load("iiwa14"))
+    return arm, arm.chain.forward([0.0, 0.6, 0.0, 1.2, 0.0, 0.8, 0.0])
+
+
+def test_the_robust_flow_takes_the_sine_of_the_error():
+    arm, pose = srs_pose()
+    for error in (3.0, 0.2, -2.9, 2 * np.pi - 0.5):
+        flow = rd.SwivelFlow(arm, 0.1 + error, weights=(1, 0, 0, 0), tau=0.5, max_rate=100.0)
+        assert flow.step(pose, 0.1, DT) == pytest.approx(0.1 + DT * np.sin(error) / 0.5, abs=1e-9)
+
+
+def test_the_paper_flow_on_u_takes_the_shorter_way():
+    arm, pose = srs_pose()
+    for s, desired in ((3.0, -3.0), (-3.0, 3.0), (1.0, 1.5)):
+        flow = rd.SwivelFlow(arm, desired, form="paper_u", tau=0.2, lambda_=0.5)
+        error = np.angle(np.exp(1j * (desired - s)))
+        moved = flow.step(pose, s, DT) - s
+        assert np.angle(np.exp(1j * moved)) == pytest.approx(DT * 0.5 * np.tanh(error) / 0.2, abs=1e-9)
+
+
+def test_the_barrier_sees_the_motion_of_obstacles():
+    arm, pose = srs_pose()
+    s = 0.4
+    elbow = arm.chain.forward(arm.solve(pose, s)[0], "link_4")[:3, 3]
+    side = np.cross([0.0, 0.0, 1.0], elbow)
+    side /= np.linalg.norm(side)
+
+    def moved(velocity):
+        ball = rd.Sphere(elbow + 0.25 * side, 0.08, velocity=velocity * side)
+        flow = rd.SwivelFlow(arm, s, rd.Scene([ball]), weights=(1, 0, 0, 0), max_rate=3.0)
+        return flow.step(pose, s, DT) - s
+
+    assert moved(0.0) == 0.0
+    assert moved(1.0) == 0.0
+    # It comes at 2 m/s: the arm has to give way, and does so away from it.
+    away = moved(-2.0)
+    assert abs(away) > 1e-3
+    there = arm.chain.forward(arm.solve(pose, s + away)[0], "link_4")[:3, 3]
+    assert (there - elbow) @ side < 0.0
+
+
+def test_the_gain_of_the_extended_jacobian_draws_to_the_stationary_point():
+    arm = rd.catalog.load("iiwa14")
+    h = rd.JointRange(arm)
+    gain, dt = 4.0, 1e-5
+    scheme = rd.ExtendedJacobian(arm, h, gain=gain, damping=None)
+    rng = np.random.default_rng(7)
+    seen = 0
+    for _ in range(20):
+        q = rng.uniform(0.6 * arm.lower, 0.6 * arm.upper)
+        basis = null_space(arm.jacobian(q))
+        if basis.shape[1] != 1:
+            continue
+        for v in (np.zeros(6), 0.05 * rng.normal(size=6)):
+            qd = scheme.step(q, v).qd
+            if np.abs(qd).max() > 20.0:
+                continue
+
+            def condition(q, basis=basis[:, 0]):
+                n = null_space(arm.jacobian(q))[:, 0]
+                return np.sign(n @ basis) * (n @ h.gradient(q))
+
+            slope = (condition(q + dt * qd) - condition(q - dt * qd)) / (2 * dt)
+            assert slope == pytest.approx(-gain * condition(q), abs=1e-4 * (1.0 + abs(condition(q))))
+            seen += 1
+    assert seen >= 20
