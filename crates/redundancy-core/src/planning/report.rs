@@ -47,7 +47,12 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
                 (point.status, format!("point {}: {}", point.row, point.reason))
             });
             let verb = if count == 1 { "point has" } else { "points have" };
-            let reason = format!("{count} of {total} {verb} no configuration; the first is {why}");
+            let what = if status == Status::Collision {
+                "no configuration without contact"
+            } else {
+                "no configuration"
+            };
+            let reason = format!("{count} of {total} {verb} {what}; the first is {why}");
             PlanBuilder::without_rows(names(), status)?
                 .reason(reason)
                 .asking_about_units(&demand.chain, path)
