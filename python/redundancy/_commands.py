@@ -1043,40 +1043,43 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Arms follow built-in paths of 1 000 points, and a PUMA 560 paints.
+    """Run seven worked examples of `track`, `plan` and `paint` on built-in paths.
 
-    Two arms follow by their elbow, one of them again around a ball; a Panda, a UR with a free tool axis and an iiwa on
-    a rail by the planner for any arm. Writes the paths too, and prints the commands that do the same.
+    `track`: a PA10 follows a raster, an iiwa a slanted circle, and the PA10 a circle beside a ball. `plan`: a Panda and
+    a UR5e, whose tool may spin freely, follow rasters, and an iiwa on a rail a wall. `paint`: a PUMA 560 with a spray
+    gun. Writes the paths beside the results and prints the command of each example.
 
     Example:  redundancy demo --out demo/
     """
     out.mkdir(parents=True, exist_ok=True)
     urdf = File(__file__).parent / "data" / "kuka_iiwa.urdf"
+    # The paths of the iiwa and of the ball have times of their own, at which the arms could not start from rest.
     jobs = (
-        ("pa10", "pa10", None, None, demo_raster()),
-        ("iiwa", str(urdf), "lbr_iiwa_link_0", "lbr_iiwa_link_7", demo_circle()),
+        ("pa10", "pa10", None, None, demo_raster(), False),
+        ("iiwa", str(urdf), "lbr_iiwa_link_0", "lbr_iiwa_link_7", demo_circle(), True),
     )
-    for name, robot, base, tip, path in jobs:
+    for name, robot, base, tip, path, retime in jobs:
         file = out / f"{name}_path.csv"
         path.to_csv(file)
-        options = f" --base {base} --tip {tip}" if base else ""
-        command = f"redundancy track --robot {robot}{options} --path {file} --out {out / name}"
+        options = (f" --base {base} --tip {tip}" if base else "") + (" --retime" if retime else "")
+        command = f"redundancy track --robot {robot} --path {file}{options} --out {out / name}"
         _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
-        Job(robot, file, out / name, base, tip, plots=plots).run()
+        Job(robot, file, out / name, base, tip, plots=plots, retime=retime).run()
         _out.print()
     file, scene = out / "ball_path.csv", out / "ball_scene.json"
     demo_lap().to_csv(file)
     scene.write_text(demo_ball().to_json() + "\n")
-    command = f"redundancy track --robot pa10 --path {file} --obstacles {scene} --cyclic --out {out / 'ball'}"
+    command = f"redundancy track --robot pa10 --path {file} --obstacles {scene} --cyclic --retime"
+    command += f" --out {out / 'ball'}"
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
-    Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
+    Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True), retime=True).run()
     _out.print()
     for name, robot, path, choices in demo_plans():
         file = out / f"{name}_path.csv"
         path.to_csv(file)
         words = "".join(f" --{key} {value}" for key, value in choices.items())
         _out.print(
-            f"[dim]$ redundancy plan --robot {robot} --path {file}{words} --out {out / name}[/]",
+            f"[dim]$ {escape(f'redundancy plan --robot {robot} --path {file}{words} --out {out / name}')}[/]",
             soft_wrap=True,
         )
         chain = rd.catalog.load(robot)
@@ -1127,7 +1130,7 @@ def demo_plans() -> list[tuple[str, str, rd.Path, dict[str, str]]]:
 
 
 def demo_strokes() -> rd.Path:
-    """Three strokes of the papers' experiment, REF-B of docs/painting.md."""
+    """Three strokes for the spray gun: the path REF-B of docs/painting.md."""
     return rd.paths.raster((0.44, -0.25, -0.3), 0.5, 0.21, 3, corner=0.17912615734826384)
 
 
@@ -1145,13 +1148,13 @@ def demo_circle() -> rd.Path:
 
 
 def demo_lap() -> rd.Path:
-    """One lap of the circle of Moore & Oztop's obstacle experiments in six seconds: 301 points."""
+    """One lap of a circle in six seconds, like that of the obstacle experiments of Moore & Oztop: 301 points."""
     lap = rd.paths.circle((0.45, 0.0, 0.5), 0.12, orientation=np.diag([-1.0, 1.0, -1.0]), n=301)
     return lap.with_times(np.linspace(0.0, 6.0, 301))
 
 
 def demo_ball() -> rd.Scene:
-    """Their ball, where the elbow would hang."""
+    """The ball beside that circle, at the place where the elbow would hang."""
     return rd.Scene([rd.Sphere((0.2842, -0.3539, 0.4817), 0.06)])
 
 
