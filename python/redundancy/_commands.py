@@ -245,11 +245,7 @@ def track(
             f"--desired-swivel is {desired_swivel}, it must be a finite angle in degrees"
         )
     desired = None if desired_swivel is None else float(np.deg2rad(desired_swivel))
-    if collision not in {"urdf", "capsules", "none"}:
-        raise rd.RedundancyError(f"--collision is '{collision}', it must be urdf, capsules or none")
-    if collision != "urdf" and (srdf is not None or package_dir):
-        raise rd.RedundancyError("--srdf and --package-dir need --collision urdf")
-    bodies = Bodies(collision, srdf, list(package_dir or []))
+    bodies = bodies_of(collision, srdf, package_dir)
     way = Way(obstacles, plan, clearance, link_radius, cyclic, desired, bodies=bodies)
     Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way, retime).run()
 
@@ -277,6 +273,15 @@ class Bodies:
         if not File(robot).is_file():
             raise rd.RedundancyError(f"--collision urdf needs a URDF file, '{robot}' is none")
         return rd.LinkGeometry.from_urdf(chain, robot, package_dirs=self.package_dirs, srdf=self.srdf)
+
+
+def bodies_of(collision: str, srdf: File | None, package_dir: list[File] | None) -> Bodies:
+    """What the options of a command say the arm is."""
+    if collision not in {"urdf", "capsules", "none"}:
+        raise rd.RedundancyError(f"--collision is '{collision}', it must be urdf, capsules or none")
+    if collision != "urdf" and (srdf is not None or package_dir):
+        raise rd.RedundancyError("--srdf and --package-dir need --collision urdf")
+    return Bodies(collision, srdf, list(package_dir or []))
 
 
 @dataclass
@@ -868,6 +873,26 @@ def plan(
     spin: Annotated[str, typer.Option(help="free, or degrees to either side.")] = "0",
     axis: Annotated[str, typer.Option(help="Tool axis in the tool frame: x,y,z.")] = "0,0,1",
     task: Annotated[str | None, typer.Option(help="pose, position, pointing, planar, planar_pose.")] = None,
+    obstacles: Annotated[
+        File | None, typer.Option(help="Scene JSON: obstacles; contact is forbidden, between the rows too.")
+    ] = None,
+    collision: Annotated[
+        str,
+        typer.Option(
+            help="What the arm is: capsules (from joint to joint), urdf (its collision shapes, and its links must not "
+            "touch each other), none (nothing is kept away from)."
+        ),
+    ] = "capsules",
+    srdf: Annotated[
+        File | None, typer.Option(help="With --collision urdf: which links may touch; found without.")
+    ] = None,
+    package_dir: Annotated[
+        list[File] | None, typer.Option(help="With --collision urdf: folders of packages; may be repeated.")
+    ] = None,
+    clearance: Annotated[float, typer.Option(help="Wanted distance from the obstacles, m.")] = 0.03,
+    link_radius: Annotated[
+        float, typer.Option(help="Radius of the links where they are capsules, m.")
+    ] = 0.05,
     cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
     objective: Annotated[str, typer.Option(help="motion, length or peak_speed.")] = "motion",
     motion_weight: Annotated[float | None, typer.Option(help="Weight of the joint motion.")] = None,
@@ -895,7 +920,9 @@ def plan(
 
     Example:  redundancy plan --robot panda --path path.csv --out run/
     Example:  redundancy plan --robot ur5.urdf --base base_link --tip tool0 --path path.csv --spin free --out run/
+    Example:  redundancy plan --robot panda --path path.csv --obstacles scene.json --out run/
     """
+    bodies = bodies_of(collision, srdf, package_dir)
     chain = with_tool(load_robot(robot, base, tip), tool)
     if rail is not None:
         chain = _plan.on_rail(chain, rail)
@@ -920,10 +947,16 @@ def plan(
         "tool_speed": tool_speed,
         "velocity_limits": limits,
         "margin": float(np.deg2rad(margin)),
+        "wanted_clearance": clearance,
+        "link_radius": link_radius,
         "time_limit": time_limit,
         "seed": seed,
         "threads": threads,
     }
+    if collision != "none":
+        if obstacles is not None:
+            options["scene"] = rd.Scene.from_json(obstacles)
+        options["links"] = bodies.links(robot, chain)
     weights = {"motion_weight": motion_weight, "limit_weight": limit_weight}
     options |= {name: value for name, value in weights.items() if value is not None}
     plan_job(_plan.Job(chain, robot, path, rd.Path.from_csv(path), out, options, plots, retime=retime))

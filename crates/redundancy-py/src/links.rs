@@ -347,7 +347,8 @@ pub fn geometry_of(given: &Bound<'_, PyLinkGeometry>, chain: &Chain) -> PyResult
     if made_for != chain {
         let (other, own) = (made_for.name(), chain.name());
         return Err(to_py(Error::Invalid(format!(
-            "links is a LinkGeometry of '{other}', not of this '{own}'"
+            "links is a LinkGeometry of the chain '{other}', not of this chain '{own}': make it from the chain with the \
+             same base, joints and tool"
         ))));
     }
     Ok(given.get().geometry.clone())

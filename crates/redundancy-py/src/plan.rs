@@ -16,8 +16,10 @@ use crate::convert::{read_array, read_rows, read_seed, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::html;
+use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
 use crate::orientation_plan::SpinArgument;
 use crate::path::{JOINT_COLUMNS, PyPath, PyTrajectory, joint_rows, read_arrays};
+use crate::scene::PyScene;
 use crate::speed::{JointLimits, read_limits};
 use crate::status::status_to_py;
 use crate::task::read_task;
@@ -515,6 +517,11 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///     path: Poses or positions to follow, one row of the plan for each.
 ///     freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
 ///     task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+///     scene: Obstacles; contact is forbidden, between the rows too. Those that move are where the times have them.
+///     links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
+///         joint.
+///     self_collision: Whether links must not touch each other. `"auto"`: where `links` have pairs. `True` without
+///         `links`: the pairs of joint-to-joint capsules that are found.
 ///     cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
 ///     q_start: Configuration `(n,)` at the first point.
 ///     q_end: Configuration `(n,)` at the last point.
@@ -522,6 +529,10 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///         `speed_weights`, then the motion; needs times).
 ///     motion_weight: Weight of the joint motion. Default 0.5.
 ///     limit_weight: Weight of the distance from the joint limits. Default 1.
+///     clearance_weight: Weight of what is missing from the wanted distance, `sum max(0, 1 - d / wanted)^2` over links and
+///         obstacles. Default 10 000.
+///     wanted_clearance: Distance from the obstacles that is wanted, m. What the freedom cannot change does not count.
+///     link_radius: Radius of the capsules where no `links` are given, m. Default 0.05.
 ///     criterion: Minimised or maximised along the path, as its sense says.
 ///     criterion_weight: Its weight.
 ///     joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
@@ -543,12 +554,13 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///         break
 ///         limits, a closed plan of an open path.
 #[pyfunction(name = "plan")]
-#[pyo3(signature = (chain, path, freedom=None, *, task=None, cyclic=false, q_start=None, q_end=None,
-    objective="motion", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0,
-    joint_weights=None, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
+#[pyo3(signature = (chain, path, freedom=None, *, task=None, scene=None, links=None, self_collision=None, cyclic=false, q_start=None, q_end=None,
+    objective="motion", motion_weight=None, limit_weight=None, clearance_weight=None, wanted_clearance=None, link_radius=None,
+    criterion=None, criterion_weight=1.0, joint_weights=None, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
     speed_weights=None, margin=0.0, time_limit=10.0, seed=0, threads=None, progress=None),
-    text_signature = "(chain, path, freedom=None, *, task=None, cyclic=False, q_start=None, q_end=None, \
-    objective=\"motion\", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0, \
+    text_signature = "(chain, path, freedom=None, *, task=None, scene=None, links=None, self_collision='auto', \
+    cyclic=False, q_start=None, q_end=None, objective=\"motion\", motion_weight=0.5, limit_weight=1.0, \
+    clearance_weight=10000.0, wanted_clearance=0.03, link_radius=0.05, criterion=None, criterion_weight=1.0, \
     joint_weights=None, tool_speed=None, velocity_limits=\"chain\", speed_weights=None, margin=0.0, \
     time_limit=10.0, seed=0, threads=None, progress=None)")]
 pub fn py_plan<'py>(
@@ -557,12 +569,18 @@ pub fn py_plan<'py>(
     path: &Bound<'py, PyPath>,
     freedom: Option<&Bound<'py, PyToolFreedom>>,
     task: Option<&Bound<'py, PyAny>>,
+    scene: Option<&Bound<'py, PyScene>>,
+    links: Option<&Bound<'py, PyLinkGeometry>>,
+    self_collision: Option<SelfCollision>,
     cyclic: bool,
     q_start: Option<&Bound<'py, PyAny>>,
     q_end: Option<&Bound<'py, PyAny>>,
     objective: &str,
     motion_weight: Option<f64>,
     limit_weight: Option<f64>,
+    clearance_weight: Option<f64>,
+    wanted_clearance: Option<f64>,
+    link_radius: Option<f64>,
     criterion: Option<&Bound<'py, PyCriterion>>,
     criterion_weight: f64,
     joint_weights: Option<&Bound<'py, PyAny>>,
@@ -580,6 +598,8 @@ pub fn py_plan<'py>(
     let vector = |object: Option<&Bound<'py, PyAny>>, what: &str| {
         object.map(|values| read_vector(values, what, Some(chain.dof()))).transpose()
     };
+    let links = links.map(|links| geometry_of(links, chain)).transpose()?;
+    let self_collision = SelfCollision::decided(self_collision, links.as_ref())?;
     let default = PlanSettings::default();
     let settings = PlanSettings {
         freedom: freedom.map_or(ToolFreedom::NONE, |freedom| freedom.get().freedom),
@@ -589,6 +609,12 @@ pub fn py_plan<'py>(
         limit_weight: limit_weight.unwrap_or(default.limit_weight),
         criterion: criterion.map(|criterion| criterion.get().criterion.clone()),
         criterion_weight,
+        scene: scene.map(|scene| scene.get().scene.clone()),
+        links,
+        link_radius: link_radius.unwrap_or(default.link_radius),
+        self_collision,
+        wanted_clearance: wanted_clearance.unwrap_or(default.wanted_clearance),
+        clearance_weight: clearance_weight.unwrap_or(default.clearance_weight),
         joint_weights: vector(joint_weights, "joint_weights")?,
         tool_speed,
         velocity_limits: read_limits(

@@ -4,6 +4,7 @@ use super::demand::Demand;
 use super::refine::{LEGAL, Refined};
 use super::verify;
 use crate::error::Result;
+use crate::parallel::prelude::*;
 use crate::path::{
     BlockedPoint, Event, EventKind, Path, Plan, PlanBuilder, Reconfiguration, TimingSettings, Trajectory,
     times_within_limits,
@@ -69,11 +70,14 @@ fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Int
     }
     let jump = verify::first_jump(demand, &line.q);
     let excess = verify::limit_excess(demand, &line.q).max(line.violation);
-    let legal = jump.is_none() && excess <= LEGAL.max(verify::LIMIT_ROUNDING);
+    let contact = contact(demand, &line.q);
+    let legal = jump.is_none() && contact.is_none() && excess <= LEGAL.max(verify::LIMIT_ROUNDING);
     let (status, reason) = if let Some(why) = interrupted {
         (why.status(), format!("{why}: this is the best line so far"))
     } else if let Some(step) = jump {
         (Status::Infeasible, format!("the line is not continuous between points {step} and {}", step + 1))
+    } else if let Some(contact) = contact {
+        (Status::Collision, contact)
     } else if !legal {
         (Status::Infeasible, format!("the best line breaks a limit by {excess:.3e} rad or m"))
     } else if line.converged {
@@ -88,6 +92,36 @@ fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Int
     let builder = rows(demand, path, &q, Vec::new(), status)?;
     let builder = builder.legal(legal).cost(demand.cost(&line.q)).reason(reason);
     builder.asking_about_units(&demand.chain, path).build()
+}
+
+/// What touches along a line, and where.
+fn contact(demand: &Demand, q: &[f64]) -> Option<String> {
+    let around = demand.around.as_ref()?;
+    for moved in [true, false] {
+        let Some((step, hit)) = verify::first_contact(demand, q, moved) else { continue };
+        let n = demand.dof();
+        let pairs = usize::from(!moved);
+        let deep = |row: usize| {
+            let near = around.nearest(&q[row * n..(row + 1) * n], demand.time[row])[pairs]?;
+            (near.gap.distance < 0.0).then_some((row, near))
+        };
+        let deep: Vec<_> = (0..demand.rows()).into_par_iter().filter_map(deep).collect();
+        let deepest = deep.into_iter().min_by(|a, b| a.1.gap.distance.total_cmp(&b.1.gap.distance));
+        let why =
+            if moved { "" } else { "; the path itself forces it: allow this contact, or change the path" };
+        let names = around.names(hit.first, hit.second);
+        let at = demand.index[step];
+        return Some(match deepest {
+            Some((row, near)) => format!(
+                "{} touch, {:.3} mm deep at point {}; the first contact is {names} after point {at}{why}",
+                around.names(near.first, near.second),
+                -1e3 * near.gap.distance,
+                demand.index[row],
+            ),
+            None => format!("{names} touch between points {at} and {}{why}", at + 1),
+        });
+    }
+    None
 }
 
 fn of_jumps(
@@ -136,6 +170,18 @@ fn rows(demand: &Demand, path: &Path, q: &[f64], events: Vec<Event>, status: Sta
     let cost = (0..count)
         .map(|row| if row < demand.rows() { demand.row_cost(row, &q[row * n..(row + 1) * n]) } else { 0.0 });
     builder = builder.row_cost(cost.collect());
+    if let Some(around) = &demand.around {
+        let time = |row: usize| demand.time[row % demand.rows()];
+        let near: Vec<[f64; 2]> =
+            (0..count).into_par_iter().map(|row| around.row(&q[row * n..(row + 1) * n], time(row))).collect();
+        let [obstacles, own] = around.looks_at();
+        if obstacles {
+            builder = builder.clearance(near.iter().map(|near| near[0]).collect());
+        }
+        if own {
+            builder = builder.self_clearance(near.iter().map(|near| near[1]).collect());
+        }
+    }
     builder.s(path.s().to_vec()).margin_of(&demand.chain).map(|builder| builder.poses(poses))
 }
 
