@@ -25,10 +25,10 @@ use crate::status::status_to_py;
 use crate::task::read_task;
 use crate::watch::watched_aside;
 
-/// How far the tool may lean and spin away from the path's orientation at each point.
+/// How far the tool may tilt and spin away from the path's orientation at each point.
 ///
 /// The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
-/// swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
+/// swing-twist decomposition of `R_path^T R`, continuous along the path. If both are 0, the full pose is kept.
 ///
 /// Args:
 ///     half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
@@ -102,9 +102,10 @@ impl PyToolFreedom {
     }
 }
 
-/// A motion along a path with its verdict: what every planner and every step-by-step scheme returns.
+/// A motion along a path with status and reason: the result of every planner and every step-by-step scheme.
 ///
-/// A `Trajectory` with what happened to the freedom in each row. A column that the scheme does not know is `None`.
+/// A `Trajectory` that also holds, for each row, how the freedom is used. A column that the scheme does not compute
+/// is `None`.
 ///
 /// Example:
 ///     >>> import numpy as np, redundancy as rd
@@ -154,7 +155,7 @@ impl PyPlan {
         py.import("redundancy._core")?.getattr("retime")?.call((chain, slf), options)
     }
 
-    /// What the planner did: `converged` (continuous, legal, a local optimum), or why not.
+    /// Outcome: `converged` (continuous, legal, a local optimum), or why not.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.plan.status())
@@ -166,21 +167,21 @@ impl PyPlan {
         self.plan.reason()
     }
 
-    /// Whether limits, task, contact and continuity hold on the verification grid, whatever the status.
+    /// Whether limits, task, clearance and continuity hold on the verification grid, independent of the status.
     #[getter]
     fn legal(&self) -> Option<bool> {
         self.plan.legal()
     }
 
-    /// True when the status is exact, False when it is that of the best of a finite search.
+    /// True if the status is exact, False if it is the outcome of a finite search.
     ///
-    /// `converged` says that the motion was verified, not that there is no cheaper one.
+    /// `converged` means that the motion was verified, not that there is no cheaper one.
     #[getter]
     fn proven(&self) -> bool {
         self.plan.proven()
     }
 
-    /// What was minimised, summed over the path, without a unit.
+    /// The minimised cost, summed over the path, without a unit.
     #[getter]
     fn cost(&self) -> Option<f64> {
         self.plan.cost()
@@ -192,7 +193,7 @@ impl PyPlan {
         self.plan.reconfigurations().iter().map(|change| change.row).collect()
     }
 
-    /// Why, for each of them.
+    /// Why each of them is needed.
     #[getter]
     fn reconfiguration_reasons(&self) -> Vec<&str> {
         self.plan.reconfigurations().iter().map(|change| change.reason.as_str()).collect()
@@ -506,8 +507,7 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 /// Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 ///
 /// Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
-/// once,
-/// with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
+/// once, with `D` the share of the path (of its time, if it has times) and `L` the limit term of docs/planning.md.
 ///
 ///     plan = rd.plan(rd.catalog.load("panda"), path)
 ///     plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
@@ -515,13 +515,14 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 /// Args:
 ///     chain: The arm, of `n` joints.
 ///     path: Poses or positions to follow, one row of the plan for each.
-///     freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
+///     freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
+///         positions).
 ///     task: Which coordinates count, by name or as a `Task`, instead of a freedom.
 ///     scene: Obstacles; contact is forbidden, between the rows too. Those that move are where the times have them.
 ///     links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
 ///         joint.
-///     self_collision: Whether links must not touch each other. `"auto"`: where `links` have pairs. `True` without
-///         `links`: the pairs of joint-to-joint capsules that are found.
+///     self_collision: Whether links must not touch each other. `"auto"`: if `links` has pairs. `True` without
+///         `links`: the pairs of joint-to-joint capsules that are found by sampling.
 ///     cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
 ///     q_start: Configuration `(n,)` at the first point.
 ///     q_end: Configuration `(n,)` at the last point.
@@ -533,21 +534,21 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///         obstacles. Default 10 000.
 ///     wanted_clearance: Distance from the obstacles that is wanted, m. What the freedom cannot change does not count.
 ///     link_radius: Radius of the capsules where no `links` are given, m. Default 0.05.
-///     criterion: Minimised or maximised along the path, as its sense says.
+///     criterion: Minimised or maximised along the path, according to its sense.
 ///     criterion_weight: Its weight.
 ///     joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
 ///     tool_speed: Constant speed of the tool, m/s, instead of the path's times.
-///     velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps where there are times.
-///         `"chain"` takes the chain's, `None` is off. No joint turns by more than an eighth of a turn between rows.
+///     velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps if there are times. `"chain"`
+///         for those of the chain, `None` for off. No joint turns by more than an eighth of a turn between rows.
 ///     speed_weights: Weight `(n,)` of each joint in the peak speed. Default one over its limit.
 ///     margin: Distance kept from every joint position limit, rad or m.
-///     time_limit: Seconds after which the best so far is returned, with status `time_limit`.
+///     time_limit: Seconds after which the best plan so far is returned, with status `time_limit`.
 ///     seed: Seed of the random postures; the same seed gives the same plan.
 ///     threads: Threads to use; all cores by default.
 ///     progress: Called with the share of the work that is done. Ctrl-C returns the best so far.
 ///
 /// Returns:
-///     The plan; its `status` says what was possible.
+///     The plan, with `status` and `reason`.
 ///
 /// Raises:
 ///     RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or
