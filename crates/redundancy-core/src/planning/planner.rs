@@ -111,7 +111,7 @@ impl Run<'_> {
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
             Some(nodes) => explain::without_line(self.demand, nodes, self.watch),
-            None => Outcome::Nothing("no point was looked at".into()),
+            None => Outcome::Nothing("no point was searched".into()),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Which distances a freedom changes.
+//! Which distances a freedom can change.
 //!
 //! An arm that keeps its task moves in the null space of the task's Jacobian. Pairs whose distance does not change in it, at none
 //! of a few seeded configurations, are held by the task: a hand whose pose is given, a link that is round about an axis

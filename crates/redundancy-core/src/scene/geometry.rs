@@ -125,7 +125,7 @@ impl LinkGeometry {
         let frame = chain.link(link)?;
         if frame.joints_before == 0 {
             return Err(Error::Invalid(format!(
-                "link '{}' is part of the base, nothing moves it",
+                "link '{}' is part of the base and does not move",
                 frame.name
             )));
         }

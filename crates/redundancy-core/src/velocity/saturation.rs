@@ -1,4 +1,4 @@
-//! Hard limits: the task is scaled only when it must be, and the freedom serves the limits before the criterion.
+//! Hard limits: the task is scaled only if necessary; the freedom is used for the limits first, then for the criterion.
 //!
 //! The optimal form of saturation in the null space [Flacco2015, section V]: find the largest `s` in [0, 1] for which some
 //! joint velocity has `J qd = s v` within its bounds, and among those the one nearest to the wish `eta`. The iterative
@@ -119,7 +119,7 @@ impl SaturatedNullspace {
         }
         let n = chain.dof();
         let Gain::Constant(gain) = gain.validate()? else {
-            return Err(Error::Invalid("the saturated scheme takes a constant gain".into()));
+            return Err(Error::Invalid("SaturatedNullspace needs a constant gain, not 'optimal'".into()));
         };
         Ok(Self {
             local: Local::new(chain, criterion, task)?,

@@ -281,7 +281,7 @@ impl SwivelFlow {
         let motion = self.arm.self_motion(pose)?;
         if !motion.in_reach() {
             let question = self.question(pose);
-            return Err(Error::Invalid(format!("no swivel over this pose: {}{question}", motion.reason())));
+            return Err(Error::Invalid(format!("no swivel for this pose: {}{question}", motion.reason())));
         }
         let here = FlowPose::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
         Ok(match self.settings.form {
@@ -355,8 +355,9 @@ impl SwivelFlow {
         }
         if !step.within_limits && run.outside.is_none() {
             run.outside = Some(row);
-            let message =
-                format!("no swivel within reach of one step holds the joint limits at t = {t:.3} s");
+            let message = format!(
+                "no swivel that can be reached in one step is within the joint limits at t = {t:.3} s"
+            );
             run.events.push(Event { kind: EventKind::JointLimit, index: row, t, s: at, message });
         }
         run.q.push(step.q);
@@ -382,7 +383,7 @@ impl SwivelFlow {
         let legal = faults.is_empty();
         if let Some(FastStep { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
-            let message = format!("joint '{name}' turns at {used:.2} times its speed limit");
+            let message = format!("joint '{name}' moves at {used:.2} times its speed limit");
             let (t, s) = (times[row], run.s[row]);
             run.events.push(Event { kind: EventKind::Limit, index: row, t, s, message });
             run.events.sort_by_key(|event| event.index);
@@ -498,7 +499,7 @@ impl SwivelFlow {
         if let Some(FastStep { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
             let t = times[row];
-            faults.push(format!("joint '{name}' turns at {used:.2} times its speed limit at t = {t:.3} s"));
+            faults.push(format!("joint '{name}' moves at {used:.2} times its speed limit at t = {t:.3} s"));
         }
         faults
     }

@@ -1,4 +1,4 @@
-//! What the arm says about the motion: torques, and configurations near a singularity.
+//! Checks that need the arm: torques, and configurations near a singularity.
 
 use super::finding::FindingKind;
 use super::settings::CheckSettings;

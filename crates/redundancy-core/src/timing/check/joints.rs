@@ -1,4 +1,4 @@
-//! What the rows say about each joint: limits between the rows, jumps, whole turns, rest at the ends.
+//! Checks of each joint: limits between the rows, jumps, whole turns, rest at the ends.
 
 use super::finding::FindingKind;
 use super::interval::{derivative, leaves, position};

@@ -1,4 +1,4 @@
-//! A linter for joint trajectories: whether an arm can run what a file says.
+//! Checks of a joint trajectory before an arm runs it.
 //!
 //! # What is judged
 //! The trajectory is what [`Trajectory::sample`](crate::path::Trajectory::sample) makes of its rows. Positions, velocities,

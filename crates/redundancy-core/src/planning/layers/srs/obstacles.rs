@@ -1,4 +1,4 @@
-//! What the arm keeps a distance from along a path, and whether it is clear of it between the points.
+//! Distances from obstacles along a path, and whether the arm is clear between the points.
 
 use super::clearance::{ArmClearance, Around, Near, OverPose};
 use super::settings::SwivelPlanSettings;

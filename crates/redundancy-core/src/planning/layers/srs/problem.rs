@@ -1,4 +1,4 @@
-//! What a plan of the swivel is about: the circles over the points, limits, windings, obstacles, and what all that costs.
+//! The problem of a swivel plan: the circles of the points, limits, windings, obstacles, and what all that costs.
 
 use std::f64::consts::PI;
 

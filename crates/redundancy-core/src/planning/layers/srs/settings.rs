@@ -1,4 +1,4 @@
-//! What a plan of the swivel is asked for.
+//! Settings of a swivel plan.
 
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::scene::{LinkGeometry, Scene};

@@ -62,7 +62,7 @@ impl ParallelAxesArm {
         } else {
             let Defect { position, orientation } = self.defect();
             Some(format!(
-                "the verdict is that of an ideal arm, {position:.1e} m and {orientation:.1e} rad away"
+                "the verdict is that of an ideal arm, from which this one deviates by {position:.1e} m and {orientation:.1e} rad"
             ))
         };
         let (arm, pose) = (self.clone(), *pose);

@@ -548,7 +548,7 @@ impl SphericalWristArm {
         }
         let joint = &chain.joints()[best.1];
         format!(
-            "no branch holds all joint limits; at best joint '{}' is {:.6} rad outside [{:.6}, {:.6}]",
+            "no branch is within all joint limits; even the best leaves joint '{}' {:.6} rad outside [{:.6}, {:.6}]",
             joint.name, best.0, joint.limits.lower, joint.limits.upper
         )
     }
