@@ -156,7 +156,7 @@ def test_what_is_wanted_and_what_it_costs() -> None:
     far = rd.plan(chain, path, scene=rd.Scene([rd.Sphere((5, 5, 5), 0.1)]))
     np.testing.assert_allclose(far.q, free.q, atol=1e-7)
     elbow = chain.forward(free.q[30], link=chain.link_names[4])[:3, 3]
-    near = rd.Scene([rd.Sphere(elbow + [0.0, 0.0, 0.12], 0.05)])
+    near = rd.Scene([rd.Sphere(elbow + np.array([0.0, 0.0, 0.12]), 0.05)])
     assert near.clearance(chain, free.q, 0.05).distance.min() < 0.03
     kept = [rd.plan(chain, path, scene=near, wanted_clearance=w) for w in (0.0, 0.03, 0.06)]
     for plan, wanted in zip(kept, (0.0, 0.03, 0.06), strict=True):

@@ -22,7 +22,14 @@ use crate::tolerance::JOINT_JUMP;
 use crate::watch::Watch;
 
 /// What is said where no line was found over `nodes`.
-pub(super) fn without_line(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
+///
+/// `unreached` is a point that no line from the start comes to, where that is proven.
+pub(super) fn without_line(
+    demand: &Demand,
+    nodes: Nodes,
+    unreached: Option<usize>,
+    watch: &Watch,
+) -> Outcome {
     let empty: Vec<usize> = (0..nodes.rows.len())
         .filter(|layer| nodes.q[*layer].is_empty())
         .map(|layer| nodes.rows[layer])
@@ -38,7 +45,20 @@ pub(super) fn without_line(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outc
     if let Some(why) = watch.interrupted() {
         return Outcome::Interrupted(None, why);
     }
-    with_jumps(demand, nodes, watch)
+    let proof = unreached.map(|row| {
+        format!(
+            "no line exists: whatever the configuration at the start, none of those at point {row} is within one step \
+             of one at point {} that a line can have (exact)",
+            row - 1
+        )
+    });
+    match (with_jumps(demand, nodes, watch), proof) {
+        (Outcome::Jumps { q, jumps, reason, .. }, Some(proof)) => {
+            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven: true }
+        }
+        (Outcome::Nothing(_), Some(proof)) => Outcome::Nothing(proof),
+        (outcome, _) => outcome,
+    }
 }
 
 /// Whether the first point without states has no configuration, as far as random starts tell.
@@ -331,7 +351,7 @@ fn assembled(
     };
     let reason =
         format!("{found} (searched: {} states at each of {} points)", nodes.width(n), nodes.rows.len());
-    Outcome::Jumps { q, jumps, reason }
+    Outcome::Jumps { q, jumps, reason, proven: false }
 }
 
 /// The rows with all of those in the gap before a layer.

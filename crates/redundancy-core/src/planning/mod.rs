@@ -11,6 +11,7 @@ mod painting;
 mod planner;
 mod pull;
 mod push;
+mod reach;
 mod refine;
 mod report;
 mod search;

@@ -18,6 +18,7 @@ use super::demand::{Demand, Objective, PlanSettings};
 use super::explain;
 use super::fill::fill;
 use super::nodes::Nodes;
+use super::reach;
 use super::refine::{Goal, Refined, Refinement, refine};
 use super::report::{self, Outcome};
 use super::search::{Line, Search};
@@ -85,7 +86,7 @@ struct Found {
 impl Run<'_> {
     fn solve(&self) -> Outcome {
         let mut best: Option<Refined> = None;
-        let mut last = None;
+        let (mut last, mut unreached) = (None, None);
         for level in LEVELS {
             let share = level.number as f64 / LEVELS.len() as f64;
             if level.number > 0 && self.watch.report(share).is_err() {
@@ -101,7 +102,10 @@ impl Run<'_> {
             let hopeless =
                 self.watch.interrupted().is_none() && explain::is_blocked(self.demand, &found.nodes);
             last = Some(found.nodes);
-            if saturated || hopeless {
+            if level.number == 0 && !hopeless {
+                unreached = reach::first_unreached(self.demand, self.watch);
+            }
+            if saturated || hopeless || unreached.is_some() {
                 break;
             }
         }
@@ -110,7 +114,7 @@ impl Run<'_> {
         }
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
-            Some(nodes) => explain::without_line(self.demand, nodes, self.watch),
+            Some(nodes) => explain::without_line(self.demand, nodes, unreached, self.watch),
             None => Outcome::Nothing("no point was searched".into()),
         }
     }

@@ -22,7 +22,7 @@ pub(super) enum Outcome {
     /// Points without any configuration.
     Blocked(Vec<BlockedPoint>),
     /// No continuous line: rows with jumps, and why.
-    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String },
+    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String, proven: bool },
     /// Nothing at all, and why.
     Nothing(String),
 }
@@ -47,14 +47,19 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
                 (point.status, format!("point {}: {}", point.row, point.reason))
             });
             let verb = if count == 1 { "point has" } else { "points have" };
-            let reason = format!("{count} of {total} {verb} no configuration; the first is {why}");
+            let what = if status == Status::Collision {
+                "no configuration without contact"
+            } else {
+                "no configuration"
+            };
+            let reason = format!("{count} of {total} {verb} {what}; the first is {why}");
             PlanBuilder::without_rows(names(), status)?
                 .reason(reason)
                 .asking_about_units(&demand.chain, path)
                 .blocked(points)
                 .build()
         }
-        Outcome::Jumps { q, jumps, reason } => of_jumps(demand, path, &q, jumps, reason),
+        Outcome::Jumps { q, jumps, reason, proven } => of_jumps(demand, path, &q, jumps, (reason, proven)),
         Outcome::Nothing(reason) => PlanBuilder::without_rows(names(), Status::Infeasible)?
             .reason(reason)
             .asking_about_units(&demand.chain, path)
@@ -129,7 +134,7 @@ fn of_jumps(
     path: &Path,
     q: &[f64],
     jumps: Vec<Reconfiguration>,
-    reason: String,
+    (reason, proven): (String, bool),
 ) -> Result<Plan> {
     let t = times(demand, path, q)?;
     let event = |jump: &Reconfiguration| Event {
@@ -142,6 +147,7 @@ fn of_jumps(
     let events = jumps.iter().map(event).collect();
     rows(demand, path, q, events, Status::Infeasible)?
         .legal(false)
+        .proven(proven)
         .reason(reason)
         .reconfigurations(jumps)
         .asking_about_units(&demand.chain, path)
