@@ -368,7 +368,7 @@ fn denser(rows: &[usize], layer: usize) -> Vec<usize> {
 const MUCH_DEEPER: f64 = 5e-3;
 /// Random starts of a verdict on a point.
 const STARTS: usize = 1_000;
-/// Most windings that are looked at for each state.
+/// Most windings that are checked for each state.
 const MOST_WINDINGS: f64 = 8.0;
 /// Times that layers are added where a line jumps.
 const DENSER: usize = 12;

@@ -159,7 +159,7 @@ impl Run<'_> {
         let mut seen = Seen::default();
         for round in 0..=AVOIDING {
             let mut lines = Vec::new();
-            // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
+            // Where every line winds a joint out of its limits, the windings of that joint are checked one by one.
             for _ in 0..=MOST_WOUND {
                 let mut search = Search::new(&layers, &nodes);
                 seen.places.iter().for_each(|place| search.avoid(place.layer, &place.q, place.radius));

@@ -14,7 +14,7 @@ use super::surroundings::Surroundings;
 use crate::kinematics::{Kinematics, NullSpace, Scratch, Task};
 use crate::tolerance::HELD_SLOPE;
 
-/// Configurations that are looked at.
+/// Configurations that are checked.
 const SAMPLES: usize = 16;
 
 /// The pairs that the freedom of a task can move, and those that it cannot. Without any freedom, and where obstacles move, all

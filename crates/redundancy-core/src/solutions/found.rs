@@ -79,7 +79,7 @@ impl Origin {
 pub struct TracedCurves {
     origin: Origin,
     curves: Vec<SelfMotionCurve>,
-    /// Feasible arcs without margin, in lengths of the curves, computed when first asked for.
+    /// Feasible arcs without margin, in lengths of the curves, computed on first use.
     arcs: OnceLock<Vec<Vec<[f64; 2]>>>,
 }
 

@@ -13,8 +13,8 @@
 //! ```
 //! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
 //! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). With the rate before, the new
-//! one is smoothed, and the swivel does not turn round for next to nothing, beside an obstacle not for a sum that is small
-//! against `l2 F_obst`: the balance of wish and obstacle goes to and fro with the path, and following all of that gains
+//! one is smoothed, and the swivel does not reverse for a negligible gain, beside an obstacle not for a sum that is small
+//! against `l2 F_obst`: the balance of desired swivel and obstacle oscillates along the path, and following all of that gains
 //! nothing. A barrier
 //! then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
 //! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
@@ -89,13 +89,13 @@ pub struct SwivelFlowSettings {
     pub self_collision: bool,
     /// Time constant, s.
     pub tau: f64,
-    /// Share of the wish in the paper's form; the obstacle has the rest.
+    /// Share of the desired swivel in the paper's form; the obstacle has the rest.
     pub lambda: f64,
     /// The paper's k: force at one metre.
     pub gain: f64,
     /// The paper's epsilon: half the difference step, rad.
     pub epsilon: f64,
-    /// Robust form: shares of wish, obstacle, singularity and limits; they add up to one.
+    /// Robust form: shares of desired swivel, obstacle, singularity and limits; they add up to one.
     pub weights: [f64; 4],
     /// Robust form: largest rate, rad/s.
     pub max_rate: f64,
@@ -183,7 +183,7 @@ impl SwivelFlowSettings {
 /// let ball = Sphere { center: Vector3::new(0.28, -0.35, 0.48), radius: 0.06 };
 /// let flow = SwivelFlow::new(&arm, &Scene::new(&[ball.into()])?, SwivelFlowSettings::default())?;
 /// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0, &FlowState::default())?;
-/// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the wish, at most 3 rad/s
+/// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the desired swivel, at most 3 rad/s
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -199,7 +199,7 @@ pub struct SwivelFlow {
 pub struct FlowState {
     /// The joints: the robust form then holds their speed limits too where it can, and windings go on.
     pub q: Option<[f64; 7]>,
-    /// The rate of the swivel, rad/s ([`FlowStep::rate`]): the robust form then goes on smoothly.
+    /// The rate of the swivel, rad/s ([`FlowStep::rate`]): the robust form then continues smoothly.
     pub rate: Option<f64>,
 }
 
@@ -220,10 +220,10 @@ pub struct FlowStep {
     pub corrected: bool,
 }
 
-/// Swivels that are looked at within the rate limit when the step comes too near to an obstacle or breaks a limit.
+/// Swivels that are checked within the rate limit when the step comes too near to an obstacle or breaks a limit.
 const LOOK_AROUND: usize = 32;
 
-/// Halvings of the way from there back to the wished step.
+/// Halvings of the way from there back to the desired step.
 const BISECTIONS: usize = 8;
 
 impl SwivelFlow {
@@ -483,7 +483,7 @@ impl SwivelFlow {
         question.map_or_else(String::new, |question| format!("; {question}"))
     }
 
-    /// What went wrong on the way.
+    /// What went wrong.
     fn faults(&self, run: &FlowRows, times: &[f64]) -> Vec<String> {
         let mut faults = Vec::new();
         if let Some(d) = run.clearance.first().filter(|d| **d < 0.0) {
@@ -715,7 +715,7 @@ impl<'a> FlowPose<'a> {
         self.unless_turning(best, s, dt, held, true)
     }
 
-    /// The same, or standing still where it would turn round for next to nothing and standing is no worse.
+    /// The same, or standing still where it would reverse for a negligible gain and standing is no worse.
     fn unless_turning(&self, step: FlowCandidate, s: f64, dt: f64, held: bool, corrected: bool) -> FlowStep {
         let rate = (step.s - s) / dt;
         let (before, mut out) = (self.rate.unwrap_or(0.0), step);

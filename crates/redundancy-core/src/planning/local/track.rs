@@ -278,7 +278,7 @@ impl TrackRows {
         let mut builder = PlanBuilder::new(trajectory, status);
         if let Some(contact) = contact {
             let column = |i: usize| contact.rows.iter().map(|row| row[i]).collect::<Vec<f64>>();
-            // A kind of pair that is not looked at is infinitely far away everywhere.
+            // A kind of pair that is not checked is infinitely far away everywhere.
             for (i, values) in [column(0), column(1)].into_iter().enumerate() {
                 if values.iter().any(|d| d.is_finite()) {
                     builder = if i == 0 { builder.clearance(values) } else { builder.self_clearance(values) };

@@ -30,7 +30,7 @@ pub(in crate::planning) struct SwivelOutcome {
     blocked: Vec<BlockedPoint>,
     /// Distance from the obstacles at each row; none without a scene.
     clearance: Option<Vec<f64>>,
-    /// Distance of links from each other at each row; none where they are not looked at.
+    /// Distance of links from each other at each row; none where they are not checked.
     self_clearance: Option<Vec<f64>>,
     cost: Option<f64>,
 }

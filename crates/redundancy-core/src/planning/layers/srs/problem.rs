@@ -218,7 +218,7 @@ impl<'a> SwivelProblem<'a> {
         self.settings.limit_weight * nearness * nearness
     }
 
-    /// Cost of the distance from a wished swivel.
+    /// Cost of the distance from the desired swivel.
     #[inline(always)]
     pub fn wish_cost(&self, k: usize, s: f64) -> f64 {
         let SwivelChoice::Near(wish) = &self.settings.choice else { return 0.0 };

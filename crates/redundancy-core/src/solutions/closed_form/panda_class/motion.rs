@@ -41,7 +41,7 @@ pub struct PandaMotion {
     /// The curves of the wrist.
     pub(super) sheets: Vec<Sheet>,
     miss: Option<Miss>,
-    /// Feasible arcs without margin, computed when first asked for.
+    /// Feasible arcs without margin, computed on first use.
     arcs: OnceLock<Vec<Arcs>>,
     /// Why the verdict is not exact.
     not_proven: OnceLock<Option<String>>,

@@ -31,7 +31,7 @@ pub struct SelfMotion {
     pub(super) arm: SrsArm,
     pub(super) circle: ElbowCircle,
     reach: Reach,
-    /// Feasible arcs without margin, computed when first asked for.
+    /// Feasible arcs without margin, computed on first use.
     arcs: OnceLock<Arcs>,
 }
 
