@@ -506,8 +506,9 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 
 /// Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 ///
-/// Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
-/// once, with `D` the share of the path (of its time, if it has times) and `L` the limit term of docs/planning.md.
+/// Minimises `sum_k D_k (limit_weight L(q_k) + clearance_weight C(q_k) + criterion) + motion_weight sum_k |W dq_k|^2
+/// / D_k` over all rows at once, with `D` the share of the path (of its time, if it has times), and with the terms
+/// `L` of the joint limits and `C` of the clearance as in docs/planning.md.
 ///
 ///     plan = rd.plan(rd.catalog.load("panda"), path)
 ///     plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)

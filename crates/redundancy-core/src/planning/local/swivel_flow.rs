@@ -2,9 +2,9 @@
 //!
 //! # The paper's form
 //! `tau s' = lambda tanh(s_des - s) + (1 - lambda) F_obst` [Moore2010, eqs (30)-(32)]. `F_obst` has the sign of
-//! `d(s + eps) - d(s - eps)` and the size `k / |d|`, with d the distance from the obstacles. Kept as printed, to be
-//! compared with: the force is weak deep inside an obstacle, its sign chatters, tanh does not see that s is an angle, and
-//! neither limits nor the obstacle's own motion count. It gets trapped.
+//! `d(s + eps) - d(s - eps)` and the size `k / |d|`, with d the distance from the obstacles. It is kept as printed for
+//! comparison: the force is weak deep inside an obstacle, its sign chatters, tanh does not take into account that s is an angle,
+//! joint limits and the obstacle's own motion are not considered, and the swivel can get trapped.
 //!
 //! # The robust form
 //! ```text
@@ -12,16 +12,15 @@
 //! F_obst = (dd/ds / |dd/ds|) ((d_act - d) / (d_act - d_safe))^2  for d < d_act, smooth at dd/ds = 0
 //! ```
 //! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
-//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). With the rate before, the new
-//! one is smoothed, and the swivel does not reverse for a negligible gain, beside an obstacle not for a sum that is small
-//! against `l2 F_obst`: the balance of desired swivel and obstacle oscillates along the path, and following all of that gains
-//! nothing. A barrier
-//! then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
-//! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
-//! taken, or the one that keeps most of it; where it breaks a joint limit, the step ends before it.
+//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: position of the nearest point along the link). If the previous rate is
+//! given, the new one is smoothed, and the swivel does not reverse for a negligible gain, nor, beside an obstacle, for a sum that
+//! is small against `l2 F_obst`: the balance of desired swivel and obstacle oscillates along the path, and following all of
+//! that gains nothing. A barrier then requires `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion.
+//! The configuration after the step is checked: if it is too near to an obstacle, the nearest swivel within the rate limit that
+//! keeps the distance is taken, or the one that keeps most of it; if it violates a joint limit, the step ends before it.
 //!
-//! Even so it decides locally: it can be led into a dead end from which only the other way round the obstacle
-//! leads out. [`plan_swivel`](super::plan_swivel) sees the whole path.
+//! It still decides locally: it can reach a dead end that can be avoided only by passing the obstacle on the other side.
+//! [`plan_swivel`](super::plan_swivel) considers the whole path.
 
 use std::f64::consts::PI;
 
