@@ -8,6 +8,7 @@ use super::fill::fill;
 use super::nodes::{Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
 use super::push::Pusher;
+use super::reach::Unreached;
 use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
@@ -27,7 +28,7 @@ use crate::watch::Watch;
 pub(super) fn without_line(
     demand: &Demand,
     nodes: Nodes,
-    unreached: Option<usize>,
+    unreached: Option<Unreached>,
     watch: &Watch,
 ) -> Outcome {
     let empty: Vec<usize> = (0..nodes.rows.len())
@@ -45,18 +46,20 @@ pub(super) fn without_line(
     if let Some(why) = watch.interrupted() {
         return Outcome::Interrupted(None, why);
     }
-    let proof = unreached.map(|row| {
-        format!(
-            "no line exists: whatever the configuration at the start, none of those at point {row} is within one step \
-             of one at point {} that a line can have (exact)",
+    let proof = unreached.map(|Unreached { row, exact }| {
+        let how = if exact { "exact" } else { "arcs of all solutions, sampled every 0.1 rad or m" };
+        let why = format!(
+            "no line exists: no configuration over point {row} is connected with one over point {} that a line from the \
+             start comes to ({how})",
             row - 1
-        )
+        );
+        (why, exact)
     });
     match (with_jumps(demand, nodes, watch), proof) {
-        (Outcome::Jumps { q, jumps, reason, .. }, Some(proof)) => {
-            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven: true }
+        (Outcome::Jumps { q, jumps, reason, .. }, Some((proof, proven))) => {
+            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven }
         }
-        (Outcome::Nothing(_), Some(proof)) => Outcome::Nothing(proof),
+        (Outcome::Nothing(_), Some((proof, _))) => Outcome::Nothing(proof),
         (outcome, _) => outcome,
     }
 }
