@@ -96,7 +96,10 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
         if demand.margin == 0.0 || all.proven() {
             let states = super::nodes::states_of(demand, row, all.as_ref(), super::nodes::NODE_SPACING)?;
             return if states.is_empty() {
-                point(Status::Limits, format!("no configuration keeps {} from its limits", demand.margin))
+                point(
+                    Status::Limits,
+                    format!("no configuration keeps {} from the joint limits", demand.margin),
+                )
             } else {
                 let mut contact = Clearest::default();
                 let mut pusher = Pusher::new(demand);
@@ -205,7 +208,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
         let mut search = Search::new(&layers, &nodes);
         for _ in 0..REPEATS {
             let Some((states, jumps)) = search.jumping_line() else {
-                return Outcome::Nothing("the search found no line, with reconfigurations either".into());
+                return Outcome::Nothing("the search found no line, not even with reconfigurations".into());
             };
             if watch.interrupted().is_some() {
                 break;
@@ -224,9 +227,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
     }
     match watch.interrupted() {
         Some(why) => Outcome::Interrupted(None, why),
-        None => Outcome::Nothing(
-            "no continuous line was found, and no line with few reconfigurations either".into(),
-        ),
+        None => Outcome::Nothing("no continuous line was found, nor one with few reconfigurations".into()),
     }
 }
 
@@ -335,7 +336,7 @@ fn assembled(
     let farthest = search.farthest();
     let where_to = match nodes.rows.get(farthest + 1) {
         Some(next) => {
-            format!("no line from the start goes on from point {} to point {next}", nodes.rows[farthest])
+            format!("no line from the start continues from point {} to point {next}", nodes.rows[farthest])
         }
         None => "the steps that were found are not connected".to_owned(),
     };
@@ -352,7 +353,7 @@ fn assembled(
         ),
     };
     let reason =
-        format!("{found} (searched: {} states over each of {} points)", nodes.width(n), nodes.rows.len());
+        format!("{found} (searched: {} states at each of {} points)", nodes.width(n), nodes.rows.len());
     Outcome::Jumps { q, jumps, reason, proven: false }
 }
 
@@ -370,7 +371,7 @@ fn denser(rows: &[usize], layer: usize) -> Vec<usize> {
 const MUCH_DEEPER: f64 = 5e-3;
 /// Random starts of a verdict on a point.
 const STARTS: usize = 1_000;
-/// Most windings that are looked at for each state.
+/// Most windings that are checked for each state.
 const MOST_WINDINGS: f64 = 8.0;
 /// Times that layers are added where a line jumps.
 const DENSER: usize = 12;

@@ -190,7 +190,7 @@ impl OrientationSet {
             }
             if misses == SET_DRAWS {
                 return Err(Error::Invalid(format!(
-                    "no member of the set among {SET_DRAWS} draws: it is empty, or too small beside its parts to be drawn"
+                    "no member of the set among {SET_DRAWS} draws: it is empty, or much smaller than its parts"
                 )));
             }
         }
