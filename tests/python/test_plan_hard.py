@@ -69,7 +69,7 @@ def test_hard_rasters(panda: rd.Chain, case: dict[str, Any]) -> None:
         assert case["number"] in {3, 45, 191}
         assert str(plan.status) == "infeasible"
         assert "no line exists" in plan.reason
-        assert len(plan.reconfigurations) == 1
+        assert len(plan.reconfigurations) <= 1
         # No line, whatever its steps: the nearest configurations are radians apart.
         assert reaches(panda, path, radius=1.0) is not None
 

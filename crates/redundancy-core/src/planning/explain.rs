@@ -59,7 +59,9 @@ pub(super) fn without_line(
         (Outcome::Jumps { q, jumps, reason, .. }, Some((proof, proven))) => {
             Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven }
         }
-        (Outcome::Nothing(_), Some((proof, _))) => Outcome::Nothing(proof),
+        (Outcome::Nothing(..) | Outcome::Interrupted(None, _), Some((proof, proven))) => {
+            Outcome::Nothing(proof, proven)
+        }
         (outcome, _) => outcome,
     }
 }
@@ -208,7 +210,10 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
         let mut search = Search::new(&layers, &nodes);
         for _ in 0..REPEATS {
             let Some((states, jumps)) = search.jumping_line() else {
-                return Outcome::Nothing("the search found no line, not even with reconfigurations".into());
+                return Outcome::Nothing(
+                    "the search found no line, not even with reconfigurations".into(),
+                    false,
+                );
             };
             if watch.interrupted().is_some() {
                 break;
@@ -227,7 +232,9 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
     }
     match watch.interrupted() {
         Some(why) => Outcome::Interrupted(None, why),
-        None => Outcome::Nothing("no continuous line was found, nor one with few reconfigurations".into()),
+        None => {
+            Outcome::Nothing("no continuous line was found, nor one with few reconfigurations".into(), false)
+        }
     }
 }
 

@@ -105,7 +105,15 @@ impl Run<'_> {
             if level.number == 0 && !hopeless {
                 unreached = reach::first_unreached(self.demand, self.watch);
             }
-            if saturated || hopeless || unreached.is_some() {
+            if unreached.is_some() {
+                // No search for a line any more: states for one with reconfigurations.
+                let Level { layers, states, number } = LEVELS[2];
+                let rows = self.demand.even_rows((layer_count(self.demand) * layers).min(MOST_LAYERS));
+                let count = state_count(self.demand) * states;
+                last = Some(Nodes::over(self.demand, rows, count, number, self.watch));
+                break;
+            }
+            if saturated || hopeless {
                 break;
             }
         }
@@ -115,7 +123,7 @@ impl Run<'_> {
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
             Some(nodes) => explain::without_line(self.demand, nodes, unreached, self.watch),
-            None => Outcome::Nothing("no point was searched".into()),
+            None => Outcome::Nothing("no point was searched".into(), false),
         }
     }
 

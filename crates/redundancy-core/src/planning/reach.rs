@@ -73,22 +73,21 @@ impl Step<'_> {
     fn reaches(&self, puller: &mut Puller<'_>, reached: &[&[f64]], arc: &[f64]) -> (bool, bool) {
         let (demand, n) = (self.demand, self.demand.dof());
         let rows = [self.row - 1, self.row];
-        let mut near = false;
-        for before in reached {
-            for to in arc.chunks_exact(n) {
-                let nearest = before
-                    .chunks_exact(n)
-                    .filter_map(|from| self.distance(from, to).map(|distance| (distance, from)))
-                    .min_by(|a, b| a.0.total_cmp(&b.0));
-                let Some((_, from)) = nearest else { continue };
-                near = true;
-                let to: Vec<f64> = (0..n).map(|i| from[i] + self.short(i, to[i] - from[i])).collect();
-                if is_continuous(puller, demand, rows, from, &to) {
-                    return (true, true);
-                }
+        let mut steps: Vec<(f64, &[f64], &[f64])> = Vec::new();
+        for to in arc.chunks_exact(n) {
+            for before in reached {
+                let near =
+                    before.chunks_exact(n).filter_map(|from| Some((self.distance(from, to)?, from, to)));
+                steps.extend(near.min_by(|a, b| a.0.total_cmp(&b.0)));
             }
         }
-        (near, false)
+        // Between arcs of one piece the shortest steps are the carried ones.
+        steps.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let connected = steps.iter().take(TRIED).any(|(_, from, to)| {
+            let to: Vec<f64> = (0..n).map(|i| from[i] + self.short(i, to[i] - from[i])).collect();
+            is_continuous(puller, demand, rows, from, &to)
+        });
+        (!steps.is_empty(), connected)
     }
 
     /// Square of the distance of two configurations; `None` where it is beyond the largest step and that of samples.
@@ -110,3 +109,6 @@ impl Step<'_> {
         if self.round[joint] { wrap(d) } else { d }
     }
 }
+
+/// Steps to an arc that are tried, the shortest first.
+const TRIED: usize = 24;

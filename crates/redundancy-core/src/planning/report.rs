@@ -23,8 +23,8 @@ pub(super) enum Outcome {
     Blocked(Vec<BlockedPoint>),
     /// No continuous line: rows with jumps, and why.
     Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String, proven: bool },
-    /// Nothing at all, and why.
-    Nothing(String),
+    /// Nothing at all, why, and whether that is exact.
+    Nothing(String, bool),
 }
 
 /// The plan of an outcome.
@@ -60,7 +60,8 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
                 .build()
         }
         Outcome::Jumps { q, jumps, reason, proven } => of_jumps(demand, path, &q, jumps, (reason, proven)),
-        Outcome::Nothing(reason) => PlanBuilder::without_rows(names(), Status::Infeasible)?
+        Outcome::Nothing(reason, proven) => PlanBuilder::without_rows(names(), Status::Infeasible)?
+            .proven(proven)
             .reason(reason)
             .asking_about_units(&demand.chain, path)
             .build(),

@@ -46,13 +46,13 @@ struct Accuracy {
     /// Step at which the way along an edge ends, rad.
     shortest: f64,
 }
-const ROUGH: Accuracy = Accuracy { rounds: 30, still: 1e-4, member: 1e-3, gain: 1e-3, shortest: 1e-3 };
+const ROUGH: Accuracy = Accuracy { rounds: 16, still: 1e-4, member: 1e-3, gain: 1e-3, shortest: 1e-3 };
 const CLOSE: Accuracy =
     Accuracy { rounds: 100, still: SET_STILL, member: SET_MEMBER, gain: SET_EDGE, shortest: SET_SHORTEST };
 /// Steps along an edge.
 const EDGE_STEPS: usize = 40;
 /// Places on the edges, the nearest ones, from which these are followed.
-const EDGES: usize = 6;
+const EDGES: usize = 4;
 
 /// A set of orientations.
 ///
@@ -130,8 +130,8 @@ impl OrientationSet {
     }
 
     /// The member nearest to `q`, on its side of the double cover; `q` itself when it is a member; `None` where no common
-    /// member of an intersection was found. Of an intersection it is the best of a local search: a nearer member may exist
-    /// elsewhere.
+    /// member of an intersection was found. Of an intersection it is the best of local searches from 24 rotations of `q` about it
+    /// and from the nearest members of its parts.
     pub fn nearest(&self, q: &UnitQuaternion<f64>) -> Option<UnitQuaternion<f64>> {
         if self.contains(q, 0.0) {
             return Some(*q);
@@ -310,9 +310,11 @@ fn nearest_common(parts: &[QuaternionVolume], q: &UnitQuaternion<f64>) -> Option
     for p in distinct(&nearest(&found), EDGES) {
         ends.push(along_the_edge(parts, p, q, &ROUGH));
     }
-    // Closely from the best of them, and from the nearest members of single parts.
-    let mut last = distinct(&nearest(&ends), 2);
-    last.extend(std::iter::once(q).chain(&singles));
+    // Closely from the best of them; where nothing was found, from the nearest members of single parts.
+    let mut last = distinct(&nearest(&ends), 1);
+    if last.is_empty() {
+        last.extend(std::iter::once(q).chain(&singles));
+    }
     let members = last.iter().filter_map(|p| projected(parts, p, &CLOSE));
     let ends = members.map(|p| along_the_edge(parts, p, q, &CLOSE));
     ends.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)))
@@ -335,7 +337,7 @@ fn distinct(list: &[UnitQuaternion<f64>], most: usize) -> Vec<UnitQuaternion<f64
 fn starts(q: &UnitQuaternion<f64>, singles: &[UnitQuaternion<f64>]) -> Vec<UnitQuaternion<f64>> {
     let mut all = vec![*q];
     all.extend_from_slice(singles);
-    for angle in [SET_BESIDE, 0.7, 1.4, 2.1, 2.8] {
+    for angle in [SET_BESIDE, 1.1, 2.2] {
         for signs in 0..8 {
             let side = |axis: usize| if signs >> axis & 1 == 0 { angle } else { -angle };
             all.push(moved(q, &(Vector3::new(side(0), side(1), side(2)) / 3.0_f64.sqrt())));
