@@ -967,10 +967,16 @@ def check(
     scene: Annotated[File | None, typer.Option(help="Scene JSON: obstacles to keep off.")] = None,
     format_: Annotated[str, typer.Option("--format", help="text, json or github.")] = "text",
     tool: Annotated[str, typer.Option(help="x,y,z of the tool in the last link, m.")] = "0,0,0",
-    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
-    acceleration_limits: Annotated[str, typer.Option(help="chain, off, or deg/s^2 with commas.")] = "chain",
-    jerk_limits: Annotated[str, typer.Option(help="off, or deg/s^3 with commas.")] = "off",
-    torque_limits: Annotated[str, typer.Option(help="chain, off, or N m with commas.")] = "off",
+    velocity_limits: Annotated[
+        str, typer.Option(help="chain, off, or deg/s, one for all or with commas.")
+    ] = "chain",
+    acceleration_limits: Annotated[
+        str, typer.Option(help="chain, off, or deg/s^2, one for all or with commas.")
+    ] = "chain",
+    jerk_limits: Annotated[str, typer.Option(help="off, or deg/s^3, one for all or with commas.")] = "off",
+    torque_limits: Annotated[
+        str, typer.Option(help="chain, off, or N m, one for all or with commas.")
+    ] = "off",
     rest: Annotated[bool, typer.Option(help="Whether it must start and end at rest.")] = True,
     tolerance: Annotated[float | None, typer.Option(help="Share of a limit that is forgiven.")] = None,
     position_tolerance: Annotated[float | None, typer.Option(help="Distance from the path, m.")] = None,
@@ -994,7 +1000,7 @@ def check(
     def limits(text: str, option: str, in_degrees: bool = True) -> Any:
         if text in {"chain", "off"}:
             return "chain" if text == "chain" else None
-        values = _plan.vector(text, option, chain.dof)
+        values = _plan.per_joint(text, option, chain.dof)
         return np.deg2rad(values) if in_degrees else values
 
     options: dict[str, Any] = {
@@ -1008,7 +1014,7 @@ def check(
         "links": link_radius,
     }
     if jerk_limits != "off":
-        options["jerk_limits"] = np.deg2rad(_plan.vector(jerk_limits, "--jerk-limits", chain.dof))
+        options["jerk_limits"] = np.deg2rad(_plan.per_joint(jerk_limits, "--jerk-limits", chain.dof))
     if orientation_tolerance is not None:
         angle = None
         if orientation_tolerance != "off":

@@ -3176,6 +3176,11 @@ class MaxSpeed:
     def at(self) -> int:
         """The path point where that happens, from 0."""
     @property
+    def proven(self) -> bool:
+        """Whether no other joint motion over the path is faster: with `q` given, and where the branches of a six-joint arm
+        were all compared. `False` where lines from a few starts, or the one from `q0`, were followed.
+        """
+    @property
     def q(self) -> NDArray[np.float64]:
         """Joint positions `(N, n)`, rad."""
     @property
@@ -3191,6 +3196,7 @@ class MaxSpeed:
         torques: list[float],
         point_speeds: list[float],
         joint_name: str,
+        proven: bool,
     ) -> MaxSpeed: ...
 
 @final
@@ -3676,7 +3682,7 @@ class Plan(Trajectory):
             What `rd.retime(chain, plan, **options)` returns.
 
         Raises:
-            ValueError: an unknown arm, and what `rd.retime` raises.
+            ValueError: an unknown arm, a plan with fewer than two rows, and what `rd.retime` raises.
 
         Example:
             >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
@@ -3794,7 +3800,8 @@ def plan(
         chain: The arm, of `n` joints.
         path: Poses or positions to follow, one row of the plan for each.
         freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
-        task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+        task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path with
+            orientations; with a freedom it means what it means without: the pose, but for the freedom.
         cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
         q_start: Configuration `(n,)` at the first point.
         q_end: Configuration `(n,)` at the last point.
@@ -4342,7 +4349,7 @@ class OrientationOptimizer:
             more to Newton and refuses other problems. `newton` is Riemannian Newton on S^3, `gradient` the paper's
             method, normalised in every iteration.
         tolerance: Estimated remaining angle, rad, at which the iteration stops. None: 1e-13, gradient 1e-10.
-        max_iterations: None: 100, gradient 10 000.
+        max_iterations: None: 200, gradient 10 000.
         step: Step of `gradient` in the paper's quaternion units. None: from the cones' sizes.
         backtracking: Whether `gradient` measures the decrease of every step; False is the paper's fixed step.
 

@@ -12,7 +12,7 @@ use redundancy_core::planning::{Objective, PlanSettings, plan};
 use redundancy_core::{Error, Status, Watch, pose_from_row_major, pose_to_row_major};
 
 use crate::chain::PyChain;
-use crate::convert::{read_array, read_rows, read_seed, read_vector, to_array};
+use crate::convert::{Given, read_array, read_rows, read_seed, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::html;
@@ -130,7 +130,7 @@ impl PyPlan {
     ///     What `rd.retime(chain, plan, **options)` returns.
     ///
     /// Raises:
-    ///     ValueError: an unknown arm, and what `rd.retime` raises.
+    ///     ValueError: an unknown arm, a plan with fewer than two rows, and what `rd.retime` raises.
     ///
     /// Example:
     ///     >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
@@ -514,7 +514,8 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///     chain: The arm, of `n` joints.
 ///     path: Poses or positions to follow, one row of the plan for each.
 ///     freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
-///     task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+///     task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path with
+///         orientations; with a freedom it means what it means without: the pose, but for the freedom.
 ///     cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
 ///     q_start: Configuration `(n,)` at the first point.
 ///     q_end: Configuration `(n,)` at the last point.
@@ -554,7 +555,7 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 pub fn py_plan<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,
-    path: &Bound<'py, PyPath>,
+    path: Given<'py, PyPath>,
     freedom: Option<&Bound<'py, PyToolFreedom>>,
     task: Option<&Bound<'py, PyAny>>,
     cyclic: bool,
@@ -563,7 +564,7 @@ pub fn py_plan<'py>(
     objective: &str,
     motion_weight: Option<f64>,
     limit_weight: Option<f64>,
-    criterion: Option<&Bound<'py, PyCriterion>>,
+    criterion: Option<Given<'py, PyCriterion>>,
     criterion_weight: f64,
     joint_weights: Option<&Bound<'py, PyAny>>,
     tool_speed: Option<f64>,
