@@ -638,7 +638,7 @@ BENT = [925, 1631, 2209, 2653, 3054, 3193, 3200, 4162, 4905, 8685, 8753, 11382, 
 
 
 def spins_and_cones(seed: int):
-    """A random orientation inside of two or three random sets, the first of which is a spin; weights over two decades."""
+    """A random orientation inside of two or three random sets, the first of them a spin; weights over two decades."""
     rng = np.random.default_rng(seed)
 
     def unit(v):

@@ -58,12 +58,12 @@ def lines_of_iiwa(count):
 
 
 def test_extended_jacobian_is_bounded_on_lines_of_a_seven_joint_arm():
-    # On lines 10 and 26 the freedom must not add to what the task asks for near singularities.
+    # On lines 2, 10 and 26 the freedom must add little to what the task asks for near singularities.
     lines = list(lines_of_iiwa(40))
-    chosen = range(40) if FULL else [0, 1, 10, 26, 29]
-    # The optimum of these two leads into a singularity of J, which the projected gradient passes at a distance: there the
+    chosen = range(40) if FULL else [1, 2, 10, 26, 29]
+    # The optimum of this one leads into a singularity of J, which the projected gradient passes at a distance: there the
     # task alone asks for more than twice the joint speed of that run.
-    singular = {2: 4.1, 29: 2.6}
+    singular = {29: 2.6}
     arm = rd.catalog.load("iiwa14")
     h = rd.JointRange(arm)
     for k in chosen:
@@ -205,7 +205,7 @@ def test_a_plan_without_rows_cannot_be_timed():
     arm = rd.catalog.load("iiwa14")
     plan = rd.plan(arm, rd.paths.circle((3.0, 0, 0.4), 0.1, orientation=DOWN, n=20))
     assert plan.status == "unreachable"
-    for call in (lambda: plan.retime(), lambda: rd.retime(arm, plan, acceleration_limits=np.ones(7))):
+    for call in (plan.retime, lambda: rd.retime(arm, plan, acceleration_limits=np.ones(7))):
         with pytest.raises(
             rd.RedundancyError, match="plan has no rows to time: its status is unreachable, 20 of 20"
         ):

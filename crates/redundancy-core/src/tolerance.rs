@@ -565,6 +565,10 @@ pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
 /// freedom on joints without speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
 pub const FREEDOM_SPEED_RATIO: f64 = 1.5;
 
+/// The same for joints with a speed limit. More is of no use near singularities, where the task alone is beyond the limits; less
+/// keeps the arm from leaving them.
+pub const LIMITED_SPEED_RATIO: f64 = 1.25;
+
 /// Length (rad or m) of the step along the freedom over which the change of the least singular value is seen.
 pub const SINGULARITY_STEP: f64 = 1e-4;
 

@@ -514,8 +514,8 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///     chain: The arm, of `n` joints.
 ///     path: Poses or positions to follow, one row of the plan for each.
 ///     freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
-///     task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path with
-///         orientations; with a freedom it means what it means without: the pose, but for the freedom.
+///     task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path
+///         with orientations and may be given with a freedom, which then says how far the tool may leave that pose.
 ///     cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
 ///     q_start: Configuration `(n,)` at the first point.
 ///     q_end: Configuration `(n,)` at the last point.

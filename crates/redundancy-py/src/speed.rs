@@ -358,8 +358,10 @@ impl PyMaxSpeed {
         self.result.at
     }
 
-    /// Whether no other joint motion over the path is faster: with `q` given, and where the branches of a six-joint arm
-    /// were all compared. `False` where lines from a few starts, or the one from `q0`, were followed.
+    /// Whether no other joint motion over the path is faster.
+    ///
+    /// True with `q` given, and where all branches of a six-joint arm were compared; `False` where lines from a few
+    /// starts, or the one from `q0`, were followed.
     #[getter]
     fn proven(&self) -> bool {
         self.result.proven

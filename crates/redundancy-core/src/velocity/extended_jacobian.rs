@@ -22,8 +22,8 @@
 //!
 //! and so arrives at the next minimum or maximum. A point that is no such optimum is also left where the task alone takes
 //! a joint beyond its speed limit: minima of the manipulability lead to singularities of J. Everywhere the motion of the
-//! freedom is scaled down until no joint is faster than the larger of its limit and the fastest joint of `J^+ v`
-//! ([`Resolver::speed_bound`]); of a joint without a limit [`FREEDOM_SPEED_RATIO`] times the fastest joint.
+//! freedom is scaled down until no joint is faster than the larger of its limit and [`LIMITED_SPEED_RATIO`] times the fastest
+//! joint of `J^+ v` ([`Resolver::speed_bound`]); of a joint without a limit [`FREEDOM_SPEED_RATIO`] times the fastest joint.
 //!
 //! The optimum of a criterion may lead into a singularity of J, where the task alone asks for fast joints. Where J is damped
 //! a motion of the freedom that lowers its least singular value is reduced by the square of that value's share of the
@@ -43,7 +43,8 @@ use crate::error::{Error, Result};
 use crate::kinematics::{Scratch, Task};
 use crate::status::Status;
 use crate::tolerance::{
-    ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, SINGULAR_RANK, SINGULARITY_STEP,
+    ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, LIMITED_SPEED_RATIO, SINGULAR_RANK,
+    SINGULARITY_STEP,
 };
 
 /// Extended Jacobian scheme [Park1996, eq. (5)].
@@ -262,7 +263,7 @@ impl ExtendedJacobian {
         let mut bound: Option<SpeedBound> = None;
         for (joint, (free, v)) in self.freedom.iter().zip(least).enumerate() {
             let limited = self.local.chain.joints()[joint].limits.velocity.is_finite();
-            let ratio = if limited { 1.0 } else { FREEDOM_SPEED_RATIO };
+            let ratio = if limited { LIMITED_SPEED_RATIO } else { FREEDOM_SPEED_RATIO };
             let speed = self.limits[joint].max(ratio * fastest);
             if (v + free).abs() <= speed {
                 continue;
