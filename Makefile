@@ -14,15 +14,15 @@ PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -
 .PHONY: help demo test test-full format stubs lint features rust-test python-test examples package bench counts counts-store docs wheel clean
 
 help:
-	@echo 'make demo       a 7-joint arm follows a path; tables, plots and trajectories in out/'
+	@echo 'make demo       seven examples of track, plan and paint; trajectories and plots in out/demo'
 	@echo 'make test       every check of CI (heavy ones on seeded subsets)'
-	@echo 'make test-full  the same with the heavy checks in full'
+	@echo 'make test-full  the same, with the heavy checks on all their samples'
 	@echo 'make features   the core with each feature alone and with none'
-	@echo 'make bench      criterion, then side by side with other libraries'
-	@echo 'make counts     instructions of the kernels beside the stored ones (needs valgrind)'
+	@echo 'make bench      criterion benchmarks, then comparisons with other libraries'
+	@echo 'make counts     instruction counts of the kernels, compared with stored ones (needs valgrind)'
 	@echo 'make docs       API documentation in target/doc'
 	@echo 'make wheel      build the package and install it in .venv'
-	@echo 'make stubs      docstrings of python/redundancy/_core.pyi from those of the built module'
+	@echo 'make stubs      copy the docstrings of the built module into python/redundancy/_core.pyi'
 	@echo 'make format     rewrite the sources in the house format'
 	@echo 'make clean      remove everything that was built'
 

@@ -1,4 +1,4 @@
-"""The body of a Panda whose meshes come from a package: hulls, self-collision, clearance per link, allowed contact.
+"""A Panda with meshes from a package: convex hulls, self-collision, clearance per link, allowed contact.
 
 The meshes are those of the PyPI package `example-robot-data`. Writes the picture of docs/scene.md when a file is named.
 

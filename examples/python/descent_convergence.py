@@ -1,6 +1,6 @@
-"""The five descent algorithms beside a Jacobian method: the picture of docs/ik.md.
+"""The five descent algorithms compared with a Jacobian method: the picture of docs/ik.md.
 
-Writes a PNG into the folder that is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+Writes a PNG into the folder that is named, or a temporary one. Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import sys

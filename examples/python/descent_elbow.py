@@ -1,9 +1,9 @@
 """Section 9.1 of [FromGravdahl2007]: the five algorithms with and without an elbow term (eq. 43) in the cost.
 
-A seven-joint arm, so that pose and elbow can be met together: the term draws the elbow to where the target
-configuration has it. An iteration costs the same with the term, but the two pull against each other on the way: fewer
-runs arrive. Writes a PNG into the folder that is named, or a temporary one.
-Needs matplotlib (`pip install 'redundancy[plot]'`).
+The arm has seven joints, so that pose and elbow can be met together: the term attracts the elbow to its position in
+the target configuration. An iteration costs the same with the term, but the two terms compete, and fewer runs
+converge. Writes a PNG into the folder that is named, or a temporary one.
+Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Paper 5: the 8R DEXTER under the projected and the reduced gradient, and its figures 3 to 5 redrawn."""
+"""[Bettini2000]: the 8R arm DEXTER with the projected and the reduced gradient, and figures 3 to 5 redrawn."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A 7R arm whose elbow moves out of the way of a sphere while the tool stands still, within all limits."""
+"""A 7R arm whose elbow avoids a sphere while the tool stands still, within all limits."""
 
 import numpy as np
 

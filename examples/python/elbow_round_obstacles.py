@@ -1,4 +1,4 @@
-"""A PA10 follows a circle while its elbow keeps off a ball, a post and a table: as a plan, and step by step."""
+"""A PA10 follows a circle while its elbow avoids a ball, a post and a table: with a plan, and step by step."""
 
 import numpy as np
 

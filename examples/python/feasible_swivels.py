@@ -1,4 +1,4 @@
-"""Where may the elbow be along a path? The exact bands of the PA10 over a circle, and what is left at its worst."""
+"""Where may the elbow of a PA10 be along a circle? The exact feasible swivels, and how narrow they become."""
 
 import numpy as np
 

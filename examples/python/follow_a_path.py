@@ -1,4 +1,4 @@
-"""A PA10 follows a circle with its elbow under control: files for a controller, and a picture."""
+"""A PA10 follows a circle with a planned elbow: files for a controller, and a picture."""
 
 import tempfile
 from pathlib import Path

@@ -1,7 +1,8 @@
-"""[Moore2010]: the worked example, and figures 7 to 10: swivel and elbow beside a ball, for fixed and ramped wishes.
+"""[Moore2010]: the worked example and figures 7 to 10.
 
-A PA10's tool goes round a circle three times, with the flow as printed, eq. (32), and in figure 9 the robust one.
-Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+Swivel and elbow beside a ball, for constant and rising desired swivels. The tool of a PA10 moves around a circle three
+times, with the flow as printed, eq. (32), and in figure 9 the robust one.
+Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""An iiwa over one pose: every optimum of the joint range, on which self-motion curve, within limits or not."""
+"""Every optimum of the joint range of an iiwa for one pose: on which self-motion curve, and whether within limits."""
 
 import numpy as np
 

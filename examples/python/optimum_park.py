@@ -1,4 +1,4 @@
-"""The planar arm of [Park1996]: which optimum of manipulability can be followed around a circle, and which breaks.
+"""The planar arm of [Park1996]: which optimum of manipulability can be followed around a circle, and which ends early.
 
 Prints tables 1 and 2 of the paper and where each path ends.
 """

@@ -1,4 +1,4 @@
-"""A spray gun that goes faster: constant orientation, the rules of the papers, a short plan."""
+"""How fast a spray gun can move: with constant orientation, the rules of the papers, and a short plan."""
 
 import numpy as np
 

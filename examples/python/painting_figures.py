@@ -1,7 +1,7 @@
-"""[FromGravdahl2007], figures 1, 3, 4, 5, and [FromGravdahl2009], figures 1 and 3: sets, path, leans, torques at 1 m/s.
+"""[FromGravdahl2007], figures 1, 3, 4, 5, and [FromGravdahl2009], figures 1 and 3: sets, path, tilts, torques at 1 m/s.
 
 The path, the gun and the torque limits are those of docs/painting.md (REF-B), because the papers do not print theirs.
-Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import sys

@@ -1,7 +1,6 @@
 """The picture of docs/panda_class.md: the self-motion of a Panda over joint 7, with its folds.
 
-Writes a PNG into the folder that is named, or into a temporary one. Needs matplotlib (`pip install
-'redundancy[plot]'`).
+Writes a PNG into the folder that is named, or into a temporary one. Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import sys

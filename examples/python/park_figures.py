@@ -1,6 +1,6 @@
 """[Park1996]: figures 1 to 3, the loci, the paths on them, and h and A along the circle up to each event.
 
-Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+Writes PNGs into the folder that is named, or a temporary one. Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import math

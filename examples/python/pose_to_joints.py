@@ -1,4 +1,4 @@
-"""From a pose to joints: any chain, limits held, a reason when there is no way."""
+"""Inverse kinematics of any chain within its limits, and the reason when no solution exists."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
 """A spray gun may tilt by 20 degrees and spin freely: which orientation keeps the wrist near the middle?
 
-Along a stroke the gun follows two wishes: stay on the surface's normal, point away from the middle of the surface.
-Each solution is the start of the next, so the tool never spins on its own.
+Along a stroke the gun has two aims: to stay close to the surface normal, and to point away from the middle of the
+surface. Each solution is the start of the next, so the tool never spins unnecessarily.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Two directions that exclude each other, and what the answer then says; with a spin and a heavier weight."""
+"""Two cones that exclude each other, and the result in this case; then with a spin and a larger weight."""
 
 import numpy as np
 

@@ -1,8 +1,8 @@
-"""Table I of 'Real-time Optimal Trajectory Planning ...' (From and Gravdahl, 2009) with our figures beside it.
+"""Table I of 'Real-time Optimal Trajectory Planning ...' (From and Gravdahl, 2009) compared with this library.
 
-The printed maximum times of rows 2 and 3 are 60 iterations, not 50. The paper's times are those of an
-Intel T7200 at 2 GHz; ours are taken through Python, where a call costs a microsecond of its own. The numbers of the
-core alone are in `benches/rotation.rs`.
+The printed maximum times of rows 2 and 3 are those of 60 iterations, not 50. The paper's times are those of an
+Intel T7200 at 2 GHz; those of this library include the Python call, about a microsecond.
+`cargo bench --bench rotation` measures the core alone.
 """
 
 import time

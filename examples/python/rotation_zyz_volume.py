@@ -1,4 +1,4 @@
-"""A ZYZ volume: membership, how far from its bounds, the nearest member, and its picture."""
+"""A ZYZ volume: membership, margin, nearest member, and a picture."""
 
 from pathlib import Path
 

@@ -1,6 +1,6 @@
 """The pictures of docs/self_motion.md: joints over the swivel, and the swivel map of a path.
 
-Writes PNGs into the folder that is named, or into a temporary one. Needs matplotlib (`pip install 'redundancy[plot]'`).
+Writes PNGs into the folder that is named, or into a temporary one. Needs matplotlib (`pip install '.[plot]'`).
 """
 
 import sys

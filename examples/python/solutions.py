@@ -1,6 +1,6 @@
-"""Every configuration over a pose, for three different arms through one interface.
+"""Every configuration for a pose, for three different arms through one interface.
 
-An S-R-S arm has circles, an arm with a spherical wrist has points, and the Panda's curves are traced.
+An S-R-S arm has circles, an arm with a spherical wrist has points, and the Panda has closed curves.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Every configuration of a PUMA 560 over a pose, the one nearest to where the arm is, and why another pose has none."""
+"""Every configuration of a PUMA 560 for a pose, the one nearest to a given one, and why another pose has none."""
 
 import numpy as np
 

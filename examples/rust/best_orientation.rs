@@ -1,4 +1,4 @@
-//! A tool between two wishes: the closed form, Newton, and what happens when the wishes exclude each other.
+//! The best orientation under two cones: closed form, Newton's method, and two cones that exclude each other.
 #![allow(clippy::print_stdout)]
 
 use redundancy_core::nalgebra::Vector3;

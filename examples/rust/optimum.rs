@@ -1,4 +1,4 @@
-//! The arm of [Park1996]: what its critical points are, which of them finishes the paper's circle, and what stops the others.
+//! The arm of [Park1996]: its critical points, which of them completes the paper's circle, and what stops the others.
 #![allow(clippy::print_stdout)]
 
 use redundancy_core::chain::catalog;

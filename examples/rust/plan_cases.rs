@@ -1,4 +1,4 @@
-//! Plans the whole-path cases of `tests/golden/plan_cases` and prints what was found beside the best known values.
+//! Plans the whole-path cases of `tests/golden/plan_cases` and compares the results with the best known values.
 //!
 //! `cargo run --release --example plan_cases [name]`
 

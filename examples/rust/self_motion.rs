@@ -1,4 +1,4 @@
-//! Inverse kinematics of a seven-joint arm as a set: eight circles, their feasible arcs, their best members.
+//! Inverse kinematics of a seven-joint arm as a set: eight circles, their feasible arcs, their best configurations.
 #![allow(clippy::print_stdout)]
 
 use redundancy_core::chain::catalog;

@@ -1,4 +1,4 @@
-"""What to do with a robot arm's spare freedom."""
+"""Redundancy resolution for robot arms: configurations, tool orientations and motions along whole paths."""
 
 from redundancy import catalog, orientation_rules, paths, quaternion
 from redundancy._core import (

@@ -50,7 +50,7 @@ _err = Console(stderr=True, highlight=False)
 
 app = typer.Typer(
     name="redundancy",
-    help="What to do with a robot arm's spare freedom, along a whole path.",
+    help="Redundancy resolution for robot arms: configurations along whole paths, within all limits.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -68,7 +68,7 @@ def _version(asked: bool) -> None:
 @app.callback()
 def _main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and end.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
     pass
@@ -135,9 +135,9 @@ SOURCES = {
 
 @app.command()
 def robots() -> None:
-    """List the arms that are compiled in.
+    """List the arms of the built-in catalogue.
 
-    Reach is the length of the arm stretched out, from the base to the tool: no point further away can be reached.
+    Reach is the length of the arm from the base to the tool when stretched out: no point farther away can be reached.
 
     Example:  redundancy robots
     """
@@ -179,19 +179,19 @@ def _reach(chain: rd.Chain) -> float:
 @app.command()
 def track(
     robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
-    path: Annotated[File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz, and t (s) or s (m) where wanted.")],
-    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
-    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
-    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    path: Annotated[File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz, and optionally t (s) or s (m).")],
+    out: Annotated[File, typer.Option(help="Folder for the results; created if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
     swivel: Annotated[
-        str, typer.Option(help="auto, or the angle of the elbow to hold, in degrees.")
+        str, typer.Option(help="auto, or the swivel angle of the elbow to hold, in degrees.")
     ] = "auto",
     desired_swivel: Annotated[
         float | None,
-        typer.Option(help="Angle of the elbow to keep near, in degrees, where limits and obstacles allow."),
+        typer.Option(help="Swivel angle to stay near, in degrees, as far as limits and obstacles allow."),
     ] = None,
     branch: Annotated[
-        str, typer.Option(help="auto, or signs of shoulder, elbow, wrist such as +++ or +-+.")
+        str, typer.Option(help="auto, or signs of shoulder, elbow, wrist, such as +++ or +-+.")
     ] = "auto",
     obstacles: Annotated[
         File | None, typer.Option(help="Scene JSON: spheres, boxes, capsules, cylinders, planes, meshes.")
@@ -199,35 +199,44 @@ def track(
     collision: Annotated[
         str,
         typer.Option(
-            help="What the arm is: capsules (from joint to joint), urdf (its collision shapes, and its links must not "
-            "touch each other), none (nothing is kept away from)."
+            help="Shapes of the links: capsules (from joint to joint), urdf (its collision geometry; self-collision is "
+            "checked too), none (obstacles are ignored)."
         ),
     ] = "capsules",
     srdf: Annotated[
-        File | None, typer.Option(help="With --collision urdf: which links may touch; found without.")
+        File | None,
+        typer.Option(
+            help="With --collision urdf: SRDF file with the links that may touch; found by sampling without it."
+        ),
     ] = None,
     package_dir: Annotated[
-        list[File] | None, typer.Option(help="With --collision urdf: folders of packages; may be repeated.")
+        list[File] | None,
+        typer.Option(
+            help="With --collision urdf: folder that contains the ROS packages of meshes; may be repeated."
+        ),
     ] = None,
     plan: Annotated[
         str,
         typer.Option(
-            help="whole: the swivel of the whole path at once; flow: step by step, as in real time."
+            help="whole: plans the swivel of the whole path at once; flow: step by step, as in real time."
         ),
     ] = "whole",
     clearance: Annotated[float, typer.Option(help="Wanted distance from the obstacles, m.")] = 0.03,
-    link_radius: Annotated[float, typer.Option(help="Radius of the links, m.")] = 0.05,
-    cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
+    link_radius: Annotated[float, typer.Option(help="Radius of the links as capsules, m.")] = 0.05,
+    cyclic: Annotated[
+        bool, typer.Option(help="End in the configuration of the start; the path must be closed.")
+    ] = False,
     retime: Annotated[
-        bool, typer.Option("--retime", help="Replace the path's own times by the fastest within the limits.")
+        bool,
+        typer.Option("--retime", help="Replace the path's own times by the fastest ones within the limits."),
     ] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Follow a path of tool poses with a seven-joint arm, away from limits and obstacles and without a jump.
+    """Follow a path of tool poses with a seven-joint S-R-S arm, without jumps, away from limits and obstacles.
 
-    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs; beside obstacles
-    also animation.json: where joints and obstacles are in space, row by row. Times of the path are kept, and what they
-    break is reported; without them the motion goes from rest to rest as fast as the limits of the arm allow.
+    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs; with obstacles
+    also animation.json: positions of joints and obstacles in space, row by row. If the path has times, they are kept,
+    and limits that they violate are reported; otherwise the motion goes from rest to rest as fast as the limits allow.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy track --robot pa10 --path path.csv --out run/
@@ -239,17 +248,15 @@ def track(
     if plan not in {"whole", "flow"}:
         raise rd.RedundancyError(f"--plan is '{plan}', it must be whole or flow")
     if desired_swivel is not None and swivel != "auto":
-        raise rd.RedundancyError("--swivel holds the elbow, --desired-swivel only draws it: give one of them")
+        raise rd.RedundancyError(
+            "--swivel holds the swivel, --desired-swivel only asks for it: give one of them"
+        )
     if desired_swivel is not None and not np.isfinite(desired_swivel):
         raise rd.RedundancyError(
             f"--desired-swivel is {desired_swivel}, it must be a finite angle in degrees"
         )
     desired = None if desired_swivel is None else float(np.deg2rad(desired_swivel))
-    if collision not in {"urdf", "capsules", "none"}:
-        raise rd.RedundancyError(f"--collision is '{collision}', it must be urdf, capsules or none")
-    if collision != "urdf" and (srdf is not None or package_dir):
-        raise rd.RedundancyError("--srdf and --package-dir need --collision urdf")
-    bodies = Bodies(collision, srdf, list(package_dir or []))
+    bodies = bodies_of(collision, srdf, package_dir)
     way = Way(obstacles, plan, clearance, link_radius, cyclic, desired, bodies=bodies)
     Job(robot, path, out, base, tip, _swivel(swivel), _branch(branch), plots, way, retime).run()
 
@@ -277,6 +284,15 @@ class Bodies:
         if not File(robot).is_file():
             raise rd.RedundancyError(f"--collision urdf needs a URDF file, '{robot}' is none")
         return rd.LinkGeometry.from_urdf(chain, robot, package_dirs=self.package_dirs, srdf=self.srdf)
+
+
+def bodies_of(collision: str, srdf: File | None, package_dir: list[File] | None) -> Bodies:
+    """What the options of a command say the arm is."""
+    if collision not in {"urdf", "capsules", "none"}:
+        raise rd.RedundancyError(f"--collision is '{collision}', it must be urdf, capsules or none")
+    if collision != "urdf" and (srdf is not None or package_dir):
+        raise rd.RedundancyError("--srdf and --package-dir need --collision urdf")
+    return Bodies(collision, srdf, list(package_dir or []))
 
 
 @dataclass
@@ -667,28 +683,30 @@ def _progress(points: int) -> AbstractContextManager[Progress]:
 @app.command()
 def analyse(
     robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
-    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")] = File(
+    out: Annotated[File, typer.Option(help="Folder for the results; created if needed.")] = File(
         "redundancy-analysis"
     ),
     path: Annotated[
         File | None,
-        typer.Option(help="CSV of the path to follow; without it the circle of the paper (planar3r)."),
+        typer.Option(help="CSV of the path to follow; by default, for planar3r, the circle of [Park1996]."),
     ] = None,
     q: Annotated[
-        str | None, typer.Option(help="Joint angles in degrees; analyse the pose they give.")
+        str | None,
+        typer.Option(help="Joint angles in degrees; the pose of the tool at these angles is analysed."),
     ] = None,
     criterion: Annotated[str, typer.Option(help="manipulability or joint_range.")] = "manipulability",
     task: Annotated[
-        str | None, typer.Option(help="Coordinates that are held; default planar for planar arms, else pose.")
+        str | None,
+        typer.Option(help="Coordinates that are kept; by default planar for planar arms, otherwise pose."),
     ] = None,
-    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
-    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Find every optimum of a criterion over a pose, and say how far each can be followed along a path.
+    """Find every optimum of a criterion for a pose, and how far each can be followed along a path.
 
-    Writes summary.json with the critical points, their kinds and where each path stops and why, the trajectory of the
-    best start, and PNGs: loci, self-motion, paths, values.
+    Writes summary.json (critical points, their kinds, where and why each path stops), the trajectory of the best
+    start, and PNGs.
     Exit status: 0 done, 1 no start completes the path, 2 bad input.
 
     Example:  redundancy analyse --robot planar3r --out analysis/
@@ -709,7 +727,7 @@ def analyse(
         _out.print(escape(line), soft_wrap=True)
     _out.print(f"in {escape(str(out))}: {', '.join(written)}", soft_wrap=True)
     if analysis.summary["completed"] is False:
-        raise CannotFollowError("every critical point over the start of the path meets a singularity")
+        raise CannotFollowError("every critical point for the start of the path ends at a singularity")
 
 
 def _angles(text: str, chain: rd.Chain) -> NDArray[np.float64]:
@@ -728,37 +746,43 @@ def _angles(text: str, chain: rd.Chain) -> NDArray[np.float64]:
 @app.command()
 def paint(
     robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
-    path: Annotated[
-        File, typer.Option(help="CSV: x,y,z (m); qw,qx,qy,qz where the tool is not to point down.")
-    ],
-    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
-    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
-    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
-    tool: Annotated[str, typer.Option(help="Tip of the gun after the last link: x,y,z in metres.")] = "0,0,0",
+    path: Annotated[File, typer.Option(help="CSV: x,y,z (m), and qw,qx,qy,qz unless the tool points down.")],
+    out: Annotated[File, typer.Option(help="Folder for the results; created if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
+    tool: Annotated[
+        str, typer.Option(help="Position x,y,z of the gun's tip in the frame of the last link, m.")
+    ] = "0,0,0",
     rule: Annotated[
-        str, typer.Option(help=f"all, or names with commas: {', '.join(_painting.RULES)}.")
+        str, typer.Option(help=f"all, or comma-separated names: {', '.join(_painting.RULES)}.")
     ] = "all",
     plan: Annotated[bool, typer.Option("--plan", help="Plan tilt and spin along the whole path.")] = False,
     half_angle: Annotated[
-        float, typer.Option(help="Cone of the plan and of the barrier rules, degrees.")
+        float, typer.Option(help="Largest tilt of the plan and of the barrier rules, degrees.")
     ] = 20.0,
-    angle: Annotated[float, typer.Option(help="Largest lean of the tilt rules, degrees.")] = 10.0,
+    angle: Annotated[float, typer.Option(help="Largest tilt of the tilt rules, degrees.")] = 10.0,
     spin: Annotated[
         str, typer.Option(help="Spin of the plan: free, or the largest angle in degrees.")
     ] = "free",
-    torque_limits: Annotated[str, typer.Option(help="chain, off, or N m with commas.")] = "chain",
-    torque_margin: Annotated[float, typer.Option(help="Part of the torque limits kept free, percent.")] = 0.0,
-    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
-    joint_limits: Annotated[bool, typer.Option(help="Whether the position limits hold.")] = True,
-    max_rate: Annotated[float | None, typer.Option(help="Plan: fastest turn of the tool, deg/s.")] = None,
-    time_limit: Annotated[float, typer.Option(help="Plan: seconds until the best so far is taken.")] = 60.0,
+    torque_limits: Annotated[str, typer.Option(help="chain, off, or comma-separated N m.")] = "chain",
+    torque_margin: Annotated[
+        float, typer.Option(help="Part of the torque limits kept in reserve, percent.")
+    ] = 0.0,
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or comma-separated deg/s.")] = "chain",
+    joint_limits: Annotated[bool, typer.Option(help="Whether the position limits are imposed.")] = True,
+    max_rate: Annotated[
+        float | None, typer.Option(help="Plan: largest rate of rotation of the tool, deg/s.")
+    ] = None,
+    time_limit: Annotated[
+        float, typer.Option(help="Plan: seconds after which the best plan so far is used.")
+    ] = 60.0,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs and the report.")] = True,
 ) -> None:
-    """How fast can the gun paint: constant orientation, the rules of the papers, a plan for the whole path.
+    """Find how fast a gun can paint: with constant orientation, with the rules of the papers, with a plan.
 
-    Prints the highest constant speed of each, and writes the fastest (the plan, where one is asked for):
-    trajectory.csv, trajectory.json, summary.json, PNGs, and report.html, which opens without a network.
-    The tool speed is constant along the path; a lead-in and a lead-out, sections of their own, begin and end at rest.
+    Prints the largest constant speed of each, and writes the fastest motion (with --plan, that of the plan):
+    trajectory.csv, trajectory.json, summary.json, PNGs, and report.html, which needs no network.
+    The tool speed is constant along the path; a lead-in and a lead-out, marked as sections, begin and end at rest.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy paint --robot puma560 --tool -0.15,0,0.4 --path path.csv --out run/
@@ -857,45 +881,87 @@ def plan(
     path: Annotated[
         File, typer.Option(help="CSV: x,y,z (m), qw,qx,qy,qz or positions only, t (s) or s (m).")
     ],
-    out: Annotated[File, typer.Option(help="Folder for the results; made if needed.")],
-    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
-    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
-    tool: Annotated[str, typer.Option(help="Tool centre point after the tip, m: x,y,z.")] = "0,0,0",
+    out: Annotated[File, typer.Option(help="Folder for the results; created if needed.")],
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
+    tool: Annotated[str, typer.Option(help="Tool centre point x,y,z in the frame of the tip, m.")] = "0,0,0",
     rail: Annotated[
-        str | None, typer.Option(help="Rail before the base: its direction and range, x,y,z,lower,upper (m).")
+        str | None, typer.Option(help="Rail before the base: direction and range, x,y,z,lower,upper (m).")
     ] = None,
-    half_angle: Annotated[float, typer.Option(help="How far the tool may lean, degrees.")] = 0.0,
-    spin: Annotated[str, typer.Option(help="free, or degrees to either side.")] = "0",
+    half_angle: Annotated[float, typer.Option(help="How far the tool may tilt, degrees.")] = 0.0,
+    spin: Annotated[
+        str, typer.Option(help="How far the tool may spin: free, or degrees to either side.")
+    ] = "0",
     axis: Annotated[str, typer.Option(help="Tool axis in the tool frame: x,y,z.")] = "0,0,1",
-    task: Annotated[str | None, typer.Option(help="pose, position, pointing, planar, planar_pose.")] = None,
-    cyclic: Annotated[bool, typer.Option(help="The arm ends as it began; the path must be closed.")] = False,
-    objective: Annotated[str, typer.Option(help="motion, length or peak_speed.")] = "motion",
+    task: Annotated[
+        str | None,
+        typer.Option(help="Instead of tilt and spin: pose, position, pointing, planar, planar_pose."),
+    ] = None,
+    obstacles: Annotated[
+        File | None, typer.Option(help="Scene JSON: obstacles; contact is forbidden, between the rows too.")
+    ] = None,
+    collision: Annotated[
+        str,
+        typer.Option(
+            help="Shapes of the links: capsules (from joint to joint), urdf (its collision geometry; self-collision is "
+            "checked too), none (obstacles are ignored)."
+        ),
+    ] = "capsules",
+    srdf: Annotated[
+        File | None,
+        typer.Option(
+            help="With --collision urdf: SRDF file with the links that may touch; found by sampling without it."
+        ),
+    ] = None,
+    package_dir: Annotated[
+        list[File] | None,
+        typer.Option(
+            help="With --collision urdf: folder that contains the ROS packages of meshes; may be repeated."
+        ),
+    ] = None,
+    clearance: Annotated[float, typer.Option(help="Wanted distance from the obstacles, m.")] = 0.03,
+    link_radius: Annotated[float, typer.Option(help="Radius of the links as capsules, m.")] = 0.05,
+    cyclic: Annotated[
+        bool, typer.Option(help="End in the configuration of the start; the path must be closed.")
+    ] = False,
+    objective: Annotated[
+        str, typer.Option(help="What is minimised: motion, length or peak_speed.")
+    ] = "motion",
     motion_weight: Annotated[float | None, typer.Option(help="Weight of the joint motion.")] = None,
-    limit_weight: Annotated[float | None, typer.Option(help="Weight of the distance from limits.")] = None,
-    joint_weights: Annotated[str | None, typer.Option(help="Weight of each joint, with commas.")] = None,
+    limit_weight: Annotated[
+        float | None, typer.Option(help="Weight of staying away from the joint limits.")
+    ] = None,
+    joint_weights: Annotated[
+        str | None, typer.Option(help="Weight of the motion of each joint, comma-separated.")
+    ] = None,
     q_start: Annotated[str | None, typer.Option(help="Joints at the first point, rad or m.")] = None,
     q_end: Annotated[str | None, typer.Option(help="Joints at the last point, rad or m.")] = None,
     tool_speed: Annotated[float | None, typer.Option(help="Constant speed of the tool, m/s.")] = None,
-    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s with commas.")] = "chain",
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or comma-separated deg/s.")] = "chain",
     margin: Annotated[float, typer.Option(help="Distance kept from the joint limits, degrees.")] = 0.0,
-    time_limit: Annotated[float, typer.Option(help="Seconds until the best so far is taken.")] = 10.0,
+    time_limit: Annotated[
+        float, typer.Option(help="Seconds after which the best plan so far is used.")
+    ] = 10.0,
     seed: Annotated[int, typer.Option(help="Seed of the random postures.")] = 0,
     threads: Annotated[int | None, typer.Option(help="Threads; all cores by default.")] = None,
     retime: Annotated[
-        bool, typer.Option("--retime", help="Replace the path's own times by the fastest within the limits.")
+        bool,
+        typer.Option("--retime", help="Replace the path's own times by the fastest ones within the limits."),
     ] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
     """Plan a whole path for any arm, with any freedom of the tool.
 
-    Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs. Ctrl-C keeps the best line so far.
-    Times of the path (or of --tool-speed) are kept, and what they break is reported; without them the motion goes from
-    rest to rest as fast as the limits of the arm allow.
+    Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs. Ctrl-C keeps the best plan so far.
+    Times of the path (or of --tool-speed) are kept, and limits that they violate are reported; without them the motion
+    goes from rest to rest as fast as the limits allow.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy plan --robot panda --path path.csv --out run/
     Example:  redundancy plan --robot ur5.urdf --base base_link --tip tool0 --path path.csv --spin free --out run/
+    Example:  redundancy plan --robot panda --path path.csv --obstacles scene.json --out run/
     """
+    bodies = bodies_of(collision, srdf, package_dir)
     chain = with_tool(load_robot(robot, base, tip), tool)
     if rail is not None:
         chain = _plan.on_rail(chain, rail)
@@ -920,10 +986,16 @@ def plan(
         "tool_speed": tool_speed,
         "velocity_limits": limits,
         "margin": float(np.deg2rad(margin)),
+        "wanted_clearance": clearance,
+        "link_radius": link_radius,
         "time_limit": time_limit,
         "seed": seed,
         "threads": threads,
     }
+    if collision != "none":
+        if obstacles is not None:
+            options["scene"] = rd.Scene.from_json(obstacles)
+        options["links"] = bodies.links(robot, chain)
     weights = {"motion_weight": motion_weight, "limit_weight": limit_weight}
     options |= {name: value for name, value in weights.items() if value is not None}
     plan_job(_plan.Job(chain, robot, path, rd.Path.from_csv(path), out, options, plots, retime=retime))
@@ -959,36 +1031,38 @@ def plan_job(job: _plan.Job) -> None:
 
 @app.command()
 def check(
-    trajectory: Annotated[File, typer.Argument(help="JSON (ROS JointTrajectory), CSV or npz of any origin.")],
+    trajectory: Annotated[File, typer.Argument(help="JSON (ROS JointTrajectory), CSV or npz file.")],
     robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
-    base: Annotated[str | None, typer.Option(help="URDF only: link at which the arm begins.")] = None,
-    tip: Annotated[str | None, typer.Option(help="URDF only: link at which it ends.")] = None,
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
     path: Annotated[File | None, typer.Option(help="CSV of the path that the tool should follow.")] = None,
-    scene: Annotated[File | None, typer.Option(help="Scene JSON: obstacles to keep off.")] = None,
+    scene: Annotated[File | None, typer.Option(help="Scene JSON with obstacles.")] = None,
     format_: Annotated[str, typer.Option("--format", help="text, json or github.")] = "text",
-    tool: Annotated[str, typer.Option(help="x,y,z of the tool in the last link, m.")] = "0,0,0",
-    velocity_limits: Annotated[
-        str, typer.Option(help="chain, off, or deg/s, one for all or with commas.")
-    ] = "chain",
+    tool: Annotated[
+        str, typer.Option(help="Position x,y,z of the tool in the frame of the last link, m.")
+    ] = "0,0,0",
+    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s: one, or comma-separated.")] = "chain",
     acceleration_limits: Annotated[
-        str, typer.Option(help="chain, off, or deg/s^2, one for all or with commas.")
+        str, typer.Option(help="chain, off, or deg/s^2: one, or comma-separated.")
     ] = "chain",
-    jerk_limits: Annotated[str, typer.Option(help="off, or deg/s^3, one for all or with commas.")] = "off",
-    torque_limits: Annotated[
-        str, typer.Option(help="chain, off, or N m, one for all or with commas.")
-    ] = "off",
-    rest: Annotated[bool, typer.Option(help="Whether it must start and end at rest.")] = True,
-    tolerance: Annotated[float | None, typer.Option(help="Share of a limit that is forgiven.")] = None,
-    position_tolerance: Annotated[float | None, typer.Option(help="Distance from the path, m.")] = None,
-    orientation_tolerance: Annotated[
-        str | None, typer.Option(help="Angle from the path's orientation in degrees, or off.")
+    jerk_limits: Annotated[str, typer.Option(help="off, or deg/s^3: one, or comma-separated.")] = "off",
+    torque_limits: Annotated[str, typer.Option(help="chain, off, or N m: one, or comma-separated.")] = "off",
+    rest: Annotated[bool, typer.Option(help="Whether the trajectory must start and end at rest.")] = True,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Fraction of a limit by which it may be exceeded.")
     ] = None,
-    clearance: Annotated[float, typer.Option(help="Least distance from obstacles, m.")] = 0.0,
-    link_radius: Annotated[float, typer.Option(help="Radius of the links, m.")] = 0.05,
+    position_tolerance: Annotated[
+        float | None, typer.Option(help="Largest allowed distance from the path, m.")
+    ] = None,
+    orientation_tolerance: Annotated[
+        str | None, typer.Option(help="Largest allowed angle from the path's orientation, degrees, or off.")
+    ] = None,
+    clearance: Annotated[float, typer.Option(help="Required distance from obstacles, m.")] = 0.0,
+    link_radius: Annotated[float, typer.Option(help="Radius of the links as capsules, m.")] = 0.05,
 ) -> None:
-    """Check a joint trajectory before an arm runs it: limits between the rows, jumps, rest, contact, the path.
+    """Check a joint trajectory before an arm runs it: limits, jumps, rest, contact, deviation from a path.
 
-    Exit status: 0 no error, 1 errors, 2 bad input; times that do not increase are bad input.
+    Exit status: 0 no error, 1 errors, 2 bad input, such as times that do not increase.
 
     Example:  redundancy check trajectory.json --robot panda
     Example:  redundancy check move.csv --robot arm.urdf --path path.csv --scene scene.json --format github
@@ -1049,40 +1123,43 @@ def demo(
     out: Annotated[File, typer.Option(help="Folder for the results.")] = File("redundancy-demo"),
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
-    """Arms follow built-in paths of 1 000 points, and a PUMA 560 paints.
+    """Run seven worked examples of `track`, `plan` and `paint` on built-in paths.
 
-    Two arms follow by their elbow, one of them again around a ball; a Panda, a UR with a free tool axis and an iiwa on
-    a rail by the planner for any arm. Writes the paths too, and prints the commands that do the same.
+    `track`: a PA10 follows a raster, an iiwa a slanted circle, and the PA10 a circle beside a ball. `plan`: a Panda and
+    a UR5e, whose tool may spin freely, follow rasters, and an iiwa on a rail a wall. `paint`: a PUMA 560 with a spray
+    gun. Writes the paths beside the results and prints the command of each example.
 
     Example:  redundancy demo --out demo/
     """
     out.mkdir(parents=True, exist_ok=True)
     urdf = File(__file__).parent / "data" / "kuka_iiwa.urdf"
+    # The paths of the iiwa and of the ball have times of their own, at which the arms could not start from rest.
     jobs = (
-        ("pa10", "pa10", None, None, demo_raster()),
-        ("iiwa", str(urdf), "lbr_iiwa_link_0", "lbr_iiwa_link_7", demo_circle()),
+        ("pa10", "pa10", None, None, demo_raster(), False),
+        ("iiwa", str(urdf), "lbr_iiwa_link_0", "lbr_iiwa_link_7", demo_circle(), True),
     )
-    for name, robot, base, tip, path in jobs:
+    for name, robot, base, tip, path, retime in jobs:
         file = out / f"{name}_path.csv"
         path.to_csv(file)
-        options = f" --base {base} --tip {tip}" if base else ""
-        command = f"redundancy track --robot {robot}{options} --path {file} --out {out / name}"
+        options = (f" --base {base} --tip {tip}" if base else "") + (" --retime" if retime else "")
+        command = f"redundancy track --robot {robot} --path {file}{options} --out {out / name}"
         _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
-        Job(robot, file, out / name, base, tip, plots=plots).run()
+        Job(robot, file, out / name, base, tip, plots=plots, retime=retime).run()
         _out.print()
     file, scene = out / "ball_path.csv", out / "ball_scene.json"
     demo_lap().to_csv(file)
     scene.write_text(demo_ball().to_json() + "\n")
-    command = f"redundancy track --robot pa10 --path {file} --obstacles {scene} --cyclic --out {out / 'ball'}"
+    command = f"redundancy track --robot pa10 --path {file} --obstacles {scene} --cyclic --retime"
+    command += f" --out {out / 'ball'}"
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
-    Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True)).run()
+    Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True), retime=True).run()
     _out.print()
     for name, robot, path, choices in demo_plans():
         file = out / f"{name}_path.csv"
         path.to_csv(file)
         words = "".join(f" --{key} {value}" for key, value in choices.items())
         _out.print(
-            f"[dim]$ redundancy plan --robot {robot} --path {file}{words} --out {out / name}[/]",
+            f"[dim]$ {escape(f'redundancy plan --robot {robot} --path {file}{words} --out {out / name}')}[/]",
             soft_wrap=True,
         )
         chain = rd.catalog.load(robot)
@@ -1133,7 +1210,7 @@ def demo_plans() -> list[tuple[str, str, rd.Path, dict[str, str]]]:
 
 
 def demo_strokes() -> rd.Path:
-    """Three strokes of the papers' experiment, REF-B of docs/painting.md."""
+    """Three strokes for the spray gun: the path REF-B of docs/painting.md."""
     return rd.paths.raster((0.44, -0.25, -0.3), 0.5, 0.21, 3, corner=0.17912615734826384)
 
 
@@ -1151,13 +1228,13 @@ def demo_circle() -> rd.Path:
 
 
 def demo_lap() -> rd.Path:
-    """One lap of the circle of Moore & Oztop's obstacle experiments in six seconds: 301 points."""
+    """One lap of a circle in six seconds, like that of the obstacle experiments of Moore & Oztop: 301 points."""
     lap = rd.paths.circle((0.45, 0.0, 0.5), 0.12, orientation=np.diag([-1.0, 1.0, -1.0]), n=301)
     return lap.with_times(np.linspace(0.0, 6.0, 301))
 
 
 def demo_ball() -> rd.Scene:
-    """Their ball, where the elbow would hang."""
+    """The ball beside that circle, at the place where the elbow would hang."""
     return rd.Scene([rd.Sphere((0.2842, -0.3539, 0.4817), 0.06)])
 
 

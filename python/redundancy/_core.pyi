@@ -19,28 +19,28 @@ _ClosedForm: TypeAlias = "SrsArm | PandaClassArm | SphericalWristArm | ParallelA
 __version__: str
 
 class RedundancyError(ValueError):
-    """Invalid input; the message names the thing, the value and the bound."""
+    """Invalid input; the message names the quantity, its value and the bound."""
 
 class DescriptionError(RedundancyError):
     """A robot description (URDF, D-H rows, builder) cannot become a chain."""
 
 class NotSrsError(RedundancyError):
-    """The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other by how much."""
+    """Not a spherical-revolute-spherical arm; the message says which axes miss each other and by how much."""
 
 class NotSphericalWristError(RedundancyError):
-    """No six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."""
+    """Not a six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."""
 
 class NotParallelAxesError(RedundancyError):
-    """No six-joint arm with three parallel axes; the message says which axes are wrong and by how much."""
+    """Not a six-joint arm with three parallel axes; the message says which axes are wrong and by how much."""
 
 class NotPandaClassError(RedundancyError):
     """The chain is not an arm of the Panda class; the message says which axes are wrong and by how much."""
 
 class FileFormatError(RedundancyError):
-    """A file is broken; the message gives its name and line."""
+    """A file is malformed; the message gives its name and line."""
 
 class CannotFollowError(RedundancyError):
-    """The path is sound, the arm cannot follow it; the message says which points and what is in the way."""
+    """The input is valid, but the arm cannot do it; the message says where and why."""
 
 # chain, kinematics
 
@@ -48,11 +48,10 @@ class CannotFollowError(RedundancyError):
 class Chain:
     """An arm: joints from base to tip, limits, base and tool.
 
-    Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite.
-    `q` is `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too.
-    Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up
-    to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest one, beyond that the pose is
-    refused.
+    Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite. `q` is
+    `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too. Poses are `(4, 4)`
+    arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up to 1e-3 (largest
+    deviation of a singular value from 1) is replaced by the nearest one; a pose that is farther off is refused.
 
     Example:
         >>> import numpy as np
@@ -69,12 +68,12 @@ class Chain:
         tip: str | None = None,
         missing_limits: Literal["error", "unbounded"] = "error",
     ) -> Chain:
-        """Read the way from a base link to a tip link out of a URDF file.
+        """Read the chain from a base link to a tip link from a URDF file.
 
-        The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from the
-        top of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they are
-        in order from the base, and each body goes with the joint before it. Fixed joints are folded, numbers are used
-        as they are, a velocity or effort of 0 means none.
+        The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from
+        the top of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they
+        are ordered from the base, and each body belongs to the joint before it. Fixed joints are folded, numbers are
+        used as they are, and a velocity or effort of 0 means no limit.
 
         Args:
             path: The file.
@@ -96,7 +95,7 @@ class Chain:
         tip: str | None = None,
         missing_limits: Literal["error", "unbounded"] = "error",
     ) -> Chain:
-        """Read a chain out of the text of a URDF; see `from_urdf`.
+        """Read a chain from the text of a URDF; see `from_urdf`.
 
         Args:
             xml: Text of the URDF.
@@ -129,10 +128,10 @@ class Chain:
         Args:
             rows: `(n, 4)`: a (m), d (m), alpha (rad), offset theta (rad); one joint is `[[a, d, alpha, theta]]`.
             convention: Which frame the rows describe.
-            base: _Pose of frame 0 in the world.
-            tool: _Pose of the tool in the last frame.
+            base: Pose of frame 0 in the world.
+            tool: Pose of the tool in the last frame.
             names: Joint names; `joint1`, `joint2`, ... when left out.
-            lower: `(n,)` lower position limits, rad; `-inf` for none. A single number counts for all joints.
+            lower: `(n,)` lower position limits, rad; `-inf` for none. A single number applies to all joints.
             upper: `(n,)` upper position limits, rad; `inf` for none.
             velocity: `(n,)` velocity limits, rad/s.
             effort: `(n,)` torque limits, N m.
@@ -198,7 +197,7 @@ class Chain:
         acceleration: ArrayLike | None = None,
         effort: ArrayLike | None = None,
     ) -> Chain:
-        """The same arm with other limits `(n,)`; what is not given stays. A single number counts for all joints.
+        """The same arm with other limits `(n,)`; what is not given stays. A single number applies to all joints.
 
         Args:
             lower: Lower position limits `(n,)`, rad or m; `-inf` for none.
@@ -217,9 +216,9 @@ class Chain:
     ) -> Chain:
         """The same arm on a rail: one prismatic joint before the base.
 
-        At 0 on the rail the arm stands where it stood. The rail is the first joint; the first link is `<name>_base`,
-        which stands, and the former first link moves. Another call puts a rail below the rail. In torques the rail
-        carries the bodies that the arm's joints move; the mass of the former first link is not known.
+        At 0 on the rail the arm is where it was before. The rail is the first joint; the new first link `<name>_base`
+        stands still, and the former first link moves. Another call puts a rail below the first one. For torques, the
+        rail carries the bodies that the arm's joints move; the mass of the former first link is not known.
 
         Args:
             axis: `(3,)` direction of the rail, world axes, of any length.
@@ -229,7 +228,7 @@ class Chain:
             name: Name of the joint.
 
         Raises:
-            RedundancyError: An axis without length, inverted limits, a name that is taken.
+            RedundancyError: An axis without length, inverted limits, a name that is already used.
 
         Example:
             >>> import redundancy as rd
@@ -238,7 +237,7 @@ class Chain:
             (8, 'rail')
         """
     def with_payload(self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike | None = None) -> Chain:
-        """The same arm with a body fixed to its tip; adds to what is there.
+        """The same arm with a body fixed to its tip, in addition to those already there.
 
         It counts in torques and what depends on them (`inverse_dynamics`, `max_speed`, `plan_orientation`).
 
@@ -268,7 +267,7 @@ class Chain:
         Args:
             q: Joint positions `(n,)` or `(N, n)`, rad or m.
             link: One of `link_names`; the tool when left out.
-            threads: Threads for a batch; all cores when left out. The bits do not depend on it.
+            threads: Threads for a batch; all cores by default. The result does not depend on it.
 
         Returns:
             `(4, 4)` or `(N, 4, 4)`.
@@ -287,15 +286,15 @@ class Chain:
     ) -> NDArray[np.float64]:
         """Geometric Jacobian of the tool or of a link: linear rows first.
 
-        The motion is the one relative to the base; `frame` chooses the axes in which it is written, not the observer.
+        The velocity is relative to the base; `frame` only chooses the axes in which it is expressed.
 
         Args:
             q: Joint positions `(n,)` or `(N, n)`, rad or m.
             link: One of `link_names`; the tool when left out. Joints after it have columns of zeros.
             frame: Axes of both halves: `"base"` (world axes, those in which the base is placed), `"tool"`, or one of
-                `link_names` (a link that is called base or tool is not reached by its name).
+                `link_names` (a link called `base` or `tool` cannot be chosen by its name).
             point: `(3,)` reference point, m, in the frame of the link (or of the tool); its origin when left out.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
 
         Returns:
             `(6, n)` or `(N, 6, n)`: m or 1, and 1 or 0.
@@ -318,7 +317,7 @@ class Chain:
 
         Args:
             q: Joint positions `(n,)` or `(N, n)`, rad or m.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
 
         Returns:
             `(4, 4)` and `(6, n)`, or `(N, 4, 4)` and `(N, 6, n)`.
@@ -328,7 +327,7 @@ class Chain:
 
         Args:
             q: Joint positions `(n,)` or `(N, n)`, rad or m.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
 
         Returns:
             `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
@@ -346,10 +345,10 @@ class Chain:
 
         Args:
             q: Joint positions `(n,)` or `(N, n)`, rad or m.
-            qd: Velocities; a single row counts for the whole batch.
+            qd: Velocities; a single row is used for the whole batch.
             qdd: Accelerations; likewise.
             gravity: m/s^2, world axes.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
 
         Returns:
             `(n,)` or `(N, n)`, N m (N for sliding joints).
@@ -403,7 +402,7 @@ class Path:
     Args:
         poses: `(N, 4, 4)`, a list of SE3-like objects, or `(N, 3)` positions, m.
         s: `(N,)` arc length, m; summed from the distances when left out.
-        t: `(N,)` times, s, increasing; a path without times is timed by the arm's velocity limits.
+        t: `(N,)` times, s, increasing; a path without times gets them from the arm's velocity limits.
         positions: `(N, 3)`, m, instead of `poses`.
         quaternions_wxyz: `(N, 4)`, scalar first, beside `positions`, or `(4,)` for all; a path of positions when left
             out.
@@ -436,8 +435,8 @@ class Path:
     def from_csv(path: str | PathLike[str]) -> Path:
         """Read a CSV file with a header line and the columns `x,y,z`, `qw,qx,qy,qz` and, where wanted, `s` and `t`.
 
-        The columns stand in any order; metres, seconds. The four quaternion columns may be absent together: a path
-        of positions. Quaternions within 1e-3 of unit norm are normalised.
+        The order of the columns is arbitrary; metres, seconds. The four quaternion columns may be absent together: a
+        path of positions. Quaternions within 1e-3 of unit norm are normalised.
 
         Raises:
             FileFormatError: What is wrong, with the file's name and line.
@@ -506,14 +505,14 @@ class Path:
         as before.
         """
     def joined(self, other: Path) -> Path:
-        """This path and then `other`, each with its own curve: where they meet is a corner, unless they meet smoothly.
+        """This path and then `other`, each with its own curve, so with a corner where they do not meet smoothly.
 
-        Where `other` starts at the pose at which this path ends, they share the sample. Where it starts elsewhere, a
-        straight line leads there, with the shorter turn. Times of `other` are shifted so that it starts when this path
-        ends; across a gap they are kept and must leave room for it.
+        If `other` starts at the pose at which this path ends, they share the sample. If it starts elsewhere, a
+        straight line with the shorter rotation leads there. Times of `other` are shifted so that it starts when this
+        path ends; across a gap they are kept and must leave time for it.
 
         Raises:
-            RedundancyError: Only one of the two has orientations, or times; a gap without time for it.
+            RedundancyError: Only one of the two paths has orientations, or times; a gap without time for it.
 
         Example:
             >>> import redundancy as rd
@@ -535,13 +534,13 @@ class Path:
         """The same path with other times `(N,)`, s, or none.
 
         Args:
-            t: `(N,)`, s, increasing; None takes the times away.
+            t: `(N,)`, s, increasing; None removes the times.
         """
     def __len__(self) -> int: ...
 
 @final
 class Event:
-    """Something that happened on the way.
+    """An event along a path or trajectory.
 
     Args:
         kind: `basis_change`, `damping`, `limit`, `scaled`, `kinematic_singularity`, `algorithmic_singularity`,
@@ -549,13 +548,13 @@ class Event:
         index: Row of the trajectory; where a plan ends early, the path point that was not reached.
         t: Time, s.
         s: Arc length on the path, m; on a self-motion its parameter.
-        message: What happened, for a person.
+        message: What happened, as a sentence.
     """
 
     def __new__(cls, kind: str, index: int, t: float, s: float, message: str) -> Event: ...
     @property
     def kind(self) -> EventKind:
-        """What kind of thing happened."""
+        """Kind of the event."""
     @property
     def index(self) -> int:
         """Row of the trajectory, from 0."""
@@ -567,15 +566,15 @@ class Event:
         """Arc length on the path, m."""
     @property
     def message(self) -> str:
-        """What happened, for a person."""
+        """What happened, as a sentence."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
 @disjoint_base
 class Trajectory:
-    """Joint positions and velocities over time, one row per instant, with what happened on the way.
+    """Joint positions and velocities over time, one row per instant, with events.
 
-    Between its rows it is a curve, which `sample` gives and on which limits are judged: the cubic polynomial through
+    Between its rows it is a curve, given by `sample`, on which limits are checked: the cubic polynomial through
     positions and velocities of both rows (C1: the acceleration may jump at a row), or, where the rows carry
     accelerations, the quintic one through all three (C2).
 
@@ -584,7 +583,7 @@ class Trajectory:
         t: `(N,)` times, s, increasing.
         q: `(N, n)` joint positions, rad or m.
         qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
-        events: What happened on the way.
+        events: Events, in order.
         qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
         section: Per row `lead_in`, `path` or `lead_out`.
 
@@ -672,10 +671,10 @@ class Trajectory:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Position, velocity, acceleration and jerk of the trajectory's own interpolation.
 
-        Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the rows
-        carry accelerations, else the cubic one through position and velocity of both: what ROS's
-        `joint_trajectory_controller` makes of the same numbers. Rows are met to the last bit. At a row, acceleration
-        (of the cubic) and jerk are those of the interval that begins there.
+        Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the
+        rows carry accelerations, else the cubic one through position and velocity of both: what ROS's
+        `joint_trajectory_controller` makes of the same numbers. The curve passes through the rows exactly. At a row,
+        acceleration (of the cubic) and jerk are those of the interval that begins there.
 
         Args:
             t: Times, s: a number or `(N,)`, from the first row's to the last row's.
@@ -696,13 +695,13 @@ class Trajectory:
         """
     @property
     def events(self) -> list[Event]:
-        """What happened on the way, in order."""
+        """The events, in order."""
     def __len__(self) -> int: ...
 
 def times_within_limits(
     q: ArrayLike, velocity_limits: ArrayLike, *, velocity_fraction: float = 0.9, smoothing: int = 10
 ) -> NDArray[np.float64]:
-    """Times for joint rows, from 0, so that no joint is faster than a share of its velocity limit.
+    """Times for joint rows, from 0, such that no joint exceeds a share of its velocity limit.
 
     The rate of rows is the largest that the limits allow, smoothed from below over a window of rows.
 
@@ -743,9 +742,9 @@ def paths_raster(
 class Task:
     """Which coordinates of the tool's motion count.
 
-    `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta) Rx(psi)),
-    `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
-    `planar_pose` (x, y, rotation about z). Wherever an argument `task` is taken, a name does as well.
+    `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta)
+    Rx(psi)), `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
+    `planar_pose` (x, y, rotation about z). An argument `task` also accepts a name.
 
     Args:
         name: One of the names above.
@@ -768,7 +767,7 @@ class Task:
         """The name of its kind."""
     @property
     def dim(self) -> int:
-        """How many coordinates count."""
+        """Number of coordinates."""
     @property
     def axis(self) -> list[float]:
         """Tool axis of `pointing`, unit length, tool frame; z for the other tasks."""
@@ -784,9 +783,9 @@ class Sphere:
     Args:
         center: `(3,)`, m, world axes.
         radius: m, not negative.
-        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
         name: Any text.
-        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+        attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
     """
 
     def __new__(
@@ -822,10 +821,10 @@ class Box:
 
     Args:
         pose: Its centre and its axes.
-        half_extents: `(3,)`, half of its edges, m.
-        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        half_extents: `(3,)`, half of its edge lengths, m.
+        velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
         name: Any text.
-        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+        attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
     """
 
     def __new__(
@@ -842,7 +841,7 @@ class Box:
         """Centre and axes `(4, 4)`."""
     @property
     def half_extents(self) -> NDArray[np.float64]:
-        """Half of its edges `(3,)`, m."""
+        """Half of its edge lengths `(3,)`, m."""
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocity `(3,)`, m/s."""
@@ -863,9 +862,9 @@ class Capsule:
         start: `(3,)`, m, world axes.
         end: `(3,)`, m.
         radius: m, not negative.
-        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
         name: Any text.
-        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+        attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
     """
 
     def __new__(
@@ -904,12 +903,12 @@ class Cylinder:
     """A cylinder with any orientation.
 
     Args:
-        pose: Its centre and its axes; it is round about z.
+        pose: Its centre and its axes; z is the axis of the cylinder.
         radius: m, not negative.
         half_length: Half of its length, m, not negative.
-        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
         name: Any text.
-        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+        attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
     """
 
     def __new__(
@@ -924,7 +923,7 @@ class Cylinder:
     ) -> Self: ...
     @property
     def pose(self) -> NDArray[np.float64]:
-        """Centre and axes `(4, 4)`; it is round about z."""
+        """Centre and axes `(4, 4)`; z is the axis of the cylinder."""
     @property
     def radius(self) -> float:
         """Radius, m."""
@@ -950,7 +949,7 @@ class HalfSpace:
     Args:
         point: `(3,)`, a point of the plane, m, world axes.
         normal: `(3,)`, away from the solid side; its length does not matter.
-        velocity: `(3,)`, m/s, of one that moves.
+        velocity: `(3,)`, m/s, of a moving one.
         name: Any text.
     """
 
@@ -984,18 +983,18 @@ class HalfSpace:
 class Mesh:
     """Triangles.
 
-    A closed convex mesh counts as its hull. Another one counts as its triangles and, where it is closed, as what they
-    enclose (`solid="exact"`); or as its convex hull (`"hull"`), or as convex pieces that contain its surface together
-    (`"decompose"`, which takes seconds the first time).
+    A closed convex mesh is its own hull. For any other mesh, `solid` chooses: `"exact"` (its triangles and, if it is
+    closed, the volume inside), `"hull"` (its convex hull), or `"decompose"` (convex pieces that together contain its
+    surface; this takes seconds the first time).
 
     Args:
         vertices: `(V, 3)`, m.
         faces: `(F, 3)`, vertex indices from 0.
-        pose: Where the coordinates of the vertices are.
+        pose: Pose of the frame in which the vertices are given.
         solid: `exact`, `hull` or `decompose`.
-        velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+        velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
         name: Any text.
-        attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+        attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
 
     Raises:
         RedundancyError: No face, an index that is no vertex, a vertex that is not finite.
@@ -1033,10 +1032,10 @@ class Mesh:
 
         Args:
             path: The file.
-            scale: Factor of its numbers; they are m then.
-            pose: Where its coordinates are.
-            solid: As of the class.
-            velocity: `(3,)`, m/s, of an obstacle that moves.
+            scale: Factor that converts its coordinates to m.
+            pose: Pose of the frame of its coordinates.
+            solid: As for the class.
+            velocity: `(3,)`, m/s, of a moving obstacle.
             name: For reports and `allowed`.
             attached_to: Link that carries it.
 
@@ -1051,13 +1050,13 @@ class Mesh:
         """Vertex indices of its triangles `(F, 3)`."""
     @property
     def pose(self) -> NDArray[np.float64]:
-        """Where its coordinates are `(4, 4)`."""
+        """Pose `(4, 4)` of the frame of its coordinates."""
     @property
     def solid(self) -> Literal["exact", "hull", "decompose"]:
-        """What it stands for."""
+        """How it counts: `"exact"`, `"hull"` or `"decompose"`."""
     @property
     def pieces(self) -> int:
-        """Number of convex pieces; 0 where its triangles count one by one."""
+        """Number of convex pieces; 0 for `"exact"`."""
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocity `(3,)`, m/s."""
@@ -1074,11 +1073,11 @@ _Obstacle: TypeAlias = Sphere | Box | Capsule | Cylinder | HalfSpace | Mesh
 
 @final
 class Scene:
-    """Obstacles in the world, and pairs that may touch. Immutable.
+    """Obstacles in the world, and pairs of names that may touch. Immutable.
 
     Args:
         obstacles: Any number of `Sphere`, `Box`, `Capsule`, `Cylinder`, `HalfSpace` and `Mesh`.
-        allowed: Pairs of names that may touch: a link, or an obstacle that a link carries, and an obstacle. Contact
+        allowed: Pairs of names that may touch: an obstacle, and a link or an obstacle that a link carries. Contact
             between them is ignored.
 
     Example:
@@ -1120,9 +1119,9 @@ class Scene:
         """
     @staticmethod
     def from_json_string(text: str) -> Scene:
-        """From JSON text; files of meshes are looked for from the current folder on."""
+        """From JSON text; mesh files are relative to the current folder."""
     def to_json(self) -> str:
-        """As JSON text, as `from_json` reads it; meshes with their triangles."""
+        """The scene as JSON text that `from_json` reads; meshes are written with their triangles."""
     @property
     def obstacles(self) -> list[_Obstacle]:
         """The obstacles."""
@@ -1130,7 +1129,7 @@ class Scene:
     def allowed(self) -> list[tuple[str, str]]:
         """Pairs of names that may touch."""
     def at(self, t: float) -> Scene:
-        """The scene at time `t` (s): moving obstacles are elsewhere."""
+        """The scene at time `t` (s), with moving obstacles at their positions at that time."""
     def clearance(
         self,
         chain: Chain,
@@ -1140,18 +1139,18 @@ class Scene:
         links: LinkGeometry | float | None = None,
         threads: int | None = None,
     ) -> ClearanceResult:
-        """The nearest pair of a link and an obstacle, and the nearest of each link.
+        """The nearest pair of a link and an obstacle, and the nearest obstacle of each link.
 
         Links are capsules from joint to joint and from the last joint to the tool, or what `links` says. Links that
-        stand with the base count where `links` has shapes for them. What a link carries counts as part of it against
-        other obstacles, and is an obstacle for the other links.
+        do not move count if `links` has shapes for them. Obstacles that a link carries count as part of it against
+        other obstacles, and as obstacles for the other links.
 
         Args:
             chain: The arm.
             q: `(n,)` or `(N, n)`.
             link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
-            links: The same under another name.
-            threads: Threads for a batch; all cores when left out.
+            links: Another name of `link_radius`.
+            threads: Threads for a batch; all cores by default.
 
         Raises:
             RedundancyError: A name in `allowed` that is neither a link nor an obstacle, an `attached_to` that is no
@@ -1166,7 +1165,8 @@ class LinkGeometry:
     """The body of an arm: the shapes of its links, and the pairs of links that must not touch. Immutable.
 
     Capsules of one radius from joint to joint and from the last joint to the tool, or the collision geometry of a
-    URDF; with more shapes (a tool, a hose, a camera) where wanted. It goes where `links` or `link_radius` go.
+    URDF; more shapes can be added (a tool, a hose, a camera). It is accepted by every argument `links` or
+    `link_radius`.
 
     The pairs of capsules are those that are apart in the middle of the joints' ranges and do not overlap in more than
     95 % of 1 000 seeded configurations.
@@ -1197,21 +1197,23 @@ class LinkGeometry:
     ) -> LinkGeometry:
         """The collision geometry of a URDF file: spheres, capsules, cylinders, boxes and meshes (STL, OBJ, DAE).
 
-        Links count that move with the chain, stand with it (a torso, a pedestal), are beyond its tip, or hang on joints
-        that are not its own (fingers, a head).
+        Includes links that move with the chain, links that stand still (a torso, a pedestal), links beyond the tip,
+        and links on joints outside of the chain (fingers, a head).
 
         Args:
             chain: The chain that was read from it, or one with links of the same names.
             path: The file.
-            meshes: What meshes become: their convex hull, convex pieces, or an error.
-            package_dirs: Folders that hold packages (or are one), for `package://` names; also for relative ones. After
-                them `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and the folders above the file are searched.
-            srdf: A file whose `disable_collisions` say which links may touch. Without it the pairs are found: left out
-                are links that a joint connects, that touch in more than 95 % of 10 000 seeded configurations, or that
-                never come nearer than 20 mm in them.
-            padding: Every shape counts with everything within this distance, m.
-            posture: Positions of joints that are not the chain's (rad or m); those that are not named are at the
-                position nearest to 0 within their limits, or follow the joint that they mimic.
+            meshes: How meshes are read: `"hull"` as their convex hull, `"decompose"` as convex pieces, `"refuse"` as
+                an error.
+            package_dirs: Folders in which packages are searched for mesh files named `package://<package>/...` (a
+                folder may also be the package itself), and for relative names. After them `ROS_PACKAGE_PATH`,
+                `AMENT_PREFIX_PATH` and the folders above the file are searched.
+            srdf: A file whose `disable_collisions` name the links that may touch. Without it the pairs are found by
+                sampling: pairs of links are left out if a joint connects them, if they touch in more than 95 % of 10
+                000 seeded configurations, or if they never come nearer than 20 mm in them.
+            padding: Distance by which every shape is enlarged, m.
+            posture: Positions of joints outside of the chain (rad or m); joints that are not named take the position
+                nearest to 0 within their limits, or follow the joint that they mimic.
 
         Raises:
             RedundancyError: A file that is no URDF or SRDF, none of its links in the chain, no collision geometry, an
@@ -1233,11 +1235,11 @@ class LinkGeometry:
         Args:
             chain: The chain that was read from it, or one with links of the same names.
             xml: The text.
-            meshes: As of `from_urdf`, like all that follows.
-            package_dirs: As of `from_urdf`.
-            srdf: As of `from_urdf`.
-            padding: As of `from_urdf`, m.
-            posture: As of `from_urdf`, rad or m.
+            meshes: As for `from_urdf`, like all arguments that follow.
+            package_dirs: As for `from_urdf`.
+            srdf: As for `from_urdf`.
+            padding: As for `from_urdf`, m.
+            posture: As for `from_urdf`, rad or m.
         """
     def with_capsule(self, link: str, start: ArrayLike, end: ArrayLike, radius: float) -> LinkGeometry:
         """With one more capsule.
@@ -1251,12 +1253,13 @@ class LinkGeometry:
     def with_shape(self, link: str, shape: _Obstacle, pose: _Pose | None = None) -> LinkGeometry:
         """With one more shape: a tool, a hose, a camera.
 
-        A link that had no shape before gets its pairs found. A mesh counts as its hull or its convex pieces.
+        For a link that had no shape before, the pairs are found by sampling. A mesh counts as its hull or its convex
+        pieces.
 
         Args:
             link: Name of a link of the chain.
-            shape: What its numbers say is meant in the frame `pose` of the link.
-            pose: In the frame of the link; the link's own frame when left out.
+            shape: A shape, in the coordinates of the frame `pose`.
+            pose: Pose of the shape's coordinates in the frame of the link; the link's frame by default.
         """
     def allow(self, first: str, second: str) -> LinkGeometry:
         """Without this pair of links: they may touch.
@@ -1273,18 +1276,18 @@ class LinkGeometry:
         """Pairs of links that must not touch."""
     @property
     def left_out(self) -> list[tuple[str, str, str]]:
-        """Pairs of links that are not looked at, and why: Adjacent, Always, Never, Default, User."""
+        """Pairs of links that are not checked, and why: Adjacent, Always, Never, Default, User."""
     def to_srdf(self) -> str:
-        """The pairs that are not looked at, as the text of an SRDF file."""
+        """The pairs that are not checked, as the text of an SRDF file."""
     def self_clearance(
         self, q: ArrayLike, cutoff: float | None = None, *, threads: int | None = None
     ) -> SelfClearanceResult:
-        """How near the links come to each other.
+        """Least distance between links.
 
         Args:
             q: `(n,)` or `(N, n)`.
-            cutoff: Pairs farther apart are not told apart, m; faster. All when left out.
-            threads: Threads for a batch; all cores when left out.
+            cutoff: Distances above this one are not computed, which is faster, m. No cutoff by default.
+            threads: Threads for a batch; all cores by default.
         """
     def pair_clearances(
         self, q: ArrayLike, cutoff: float | None = None, *, threads: int | None = None
@@ -1294,7 +1297,7 @@ class LinkGeometry:
         Args:
             q: `(n,)` or `(N, n)`.
             cutoff: m; all pairs when left out.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     @property
     def capsules(self) -> list[tuple[str, float]]:
@@ -1305,7 +1308,7 @@ class LinkGeometry:
 
 @final
 class PairClearances:
-    """Pairs of links that are near each other, one after the other."""
+    """All pairs of links within the cutoff, as arrays."""
 
     @property
     def row(self) -> NDArray[np.int64]:
@@ -1315,7 +1318,7 @@ class PairClearances:
         """Names of the two links."""
     @property
     def distance(self) -> NDArray[np.float64]:
-        """Signed distances `(k,)`, m: of the nearest shapes of the two links."""
+        """Signed distances `(k,)`, m, of the nearest shapes of the two links."""
     @property
     def gradient(self) -> NDArray[np.float64]:
         """Their derivatives by the joints `(k, n)`."""
@@ -1331,11 +1334,11 @@ class PairClearances:
 
 @final
 class SelfClearanceResult:
-    """How near the links of an arm are to each other: of one configuration, or arrays for N of them."""
+    """Least distance between links of an arm: for one configuration, or arrays for N of them."""
 
     @property
     def distance(self) -> Any:
-        """The least signed distance, m: negative where links touch; the cutoff where all are farther apart."""
+        """The least signed distance, m: negative if links overlap; the cutoff if all are farther apart."""
     @property
     def first(self) -> Any:
         """Name of one of the two links (a list for a batch); `None` beyond the cutoff."""
@@ -1352,7 +1355,7 @@ class SelfClearanceResult:
 
 @final
 class ClearanceResult:
-    """How near an arm is to a scene: of one configuration, or arrays for N of them."""
+    """Distances of an arm from a scene: for one configuration, or arrays for N of them."""
 
     @property
     def distance(self) -> Any:
@@ -1383,7 +1386,7 @@ class ClearanceResult:
 class Criterion:
     """A scalar function of the configuration, with gradient and Hessian.
 
-    Sums (`a + b`, equal senses) and multiples (`2.0 * a`, `-a` turns the sense round) are criteria.
+    Sums (`a + b`, of equal senses) and multiples (`2.0 * a`; `-a` has the opposite sense) are criteria.
     """
 
     @property
@@ -1391,7 +1394,7 @@ class Criterion:
         """Number of joints n."""
     @property
     def sense(self) -> Literal["minimize", "maximize"]:
-        """Whether it is to be small or large."""
+        """`"minimize"` or `"maximize"`."""
     @overload
     def value(self, q: _Vector) -> float: ...
     @overload
@@ -1417,7 +1420,7 @@ class Criterion:
 
 @final
 class JointRange(Criterion):
-    """Distance from the middle of the joint ranges, to minimise.
+    """Distance from the middle of the joint ranges, to be minimised.
 
     `1/(2n) sum ((q_i - c_i) / (upper_i - lower_i))^2` (Bettini, De Luca, Oriolo 2000, eq. 6). Joints without limits
     do not count; n is the number of all joints.
@@ -1435,15 +1438,15 @@ class JointRange(Criterion):
 
 @final
 class Manipulability(Criterion):
-    """Distance from singularities, to maximise: `det(J J^T)` of a task, or its root.
+    """Distance from singularities, to be maximised: `det(J J^T)` of a task, or its square root.
 
-    Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. The root has none
-    where it is zero; zeros are returned there.
+    Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. Where the root is
+    zero, it has no derivatives, and zeros are returned.
 
     Args:
         chain: The arm.
         task: Which coordinates count, by name or as a `Task`: `"pose"`, `"pose_rpy"`, `"position"`, `"pointing"`,
-            `"planar"`, `"planar_pose"`. Metres and radians are not weighed against each other.
+            `"planar"`, `"planar_pose"`. Metres and radians are not weighted.
         measure: `"det"` or `"sqrt"`.
 
     Example:
@@ -1457,11 +1460,11 @@ class Manipulability(Criterion):
 
 @final
 class Posture(Criterion):
-    """Nearness to a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
+    """Distance from a reference configuration, to be minimised: `1/2 sum w_i (q_i - q_ref_i)^2`.
 
     Args:
         chain: The arm.
-        q_ref: `(n,)`, rad or m. Joint values count as they are: a winding away is far away.
+        q_ref: `(n,)`, rad or m. Joint values are compared as they are, so a whole turn counts as a large distance.
         weights: `(n,)`, not negative; 1 by default.
     """
 
@@ -1474,11 +1477,11 @@ _Task: TypeAlias = Task | str
 
 @final
 class Damping:
-    """Damped least squares with a factor of its own for each singular value (Bettini et al. 2000, section 4.3).
+    """Damped least squares with a separate factor for each singular value (Bettini et al. 2000, section 4.3).
 
     `1/sigma` becomes `sigma / (sigma^2 + lambda^2)`, lambda rising smoothly from 0 at `threshold` to `maximum` at
     `rho * threshold`. The paper's constants are `Damping(0.1, 0.2, 0.25)`; `"auto"` is `Damping(0.02, 0.04, 0.25)`:
-    every task is exact where the least singular value (units of metres and radians) is 0.04 or more.
+    the task is met exactly where the least singular value (units of metres and radians) is 0.04 or more.
 
     Args:
         maximum: Largest damping factor, > 0.
@@ -1503,14 +1506,14 @@ class Damping:
 
 @final
 class Step:
-    """What one step of a velocity scheme did."""
+    """Result of one step of a velocity scheme."""
 
     @property
     def qd(self) -> NDArray[np.float64]:
         """Joint velocity `(n,)`, rad/s or m/s."""
     @property
     def status(self) -> Status:
-        """`converged`; `singular` where damping or a lost rank, `limits` where limits kept the task from being met."""
+        """`converged`; `singular` or `limits` if damping (or a lost rank), or limits, kept the task from being met."""
     @property
     def scale(self) -> float:
         """Share of the task velocity that is realised, 1 or less."""
@@ -1525,24 +1528,24 @@ class Step:
         """Whether a change of the reduced gradient's basis began."""
     @property
     def algorithmic(self) -> bool:
-        """Whether the condition of the extended Jacobian, not the Jacobian itself, lost rank."""
+        """Whether the condition of the extended Jacobian, not the task Jacobian, lost rank."""
     @property
     def active_limits(
         self,
     ) -> list[tuple[str, Literal["position", "velocity", "acceleration"], Literal["lower", "upper"]]]:
-        """Limits that held a joint back: its name, which limit, which side."""
+        """Active limits: name of the joint, which limit, which side."""
     @property
     def limiting_pairs(self) -> list[tuple[str, str, float]]:
-        """Pairs that held the step back: names of a link and of an obstacle or link, and their distance, m."""
+        """Pairs that limited the step: names of a link and of an obstacle or link, and their distance, m."""
     @property
     def sigma_min(self) -> float:
         """Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for."""
 
 @disjoint_base
 class Resolver:
-    """A scheme that turns a task velocity into a joint velocity, one step in and one step out.
+    """A scheme that computes a joint velocity from a task velocity, step by step.
 
-    Nothing is allocated in the core's step. A resolver may be shared by threads; the reduced gradient keeps its basis
+    A step allocates nothing in the core. A resolver may be shared by threads; the reduced gradient keeps its basis
     from step to step.
     """
 
@@ -1584,33 +1587,33 @@ class Resolver:
             q: Joint positions `(n,)`, rad or m.
 
         Returns:
-            `(m, n)`: that of the task; with `frame=` the one about the origin and in the axes of that link
-            (Bettini, De Luca, Oriolo 2000, eq. 7). Singular values, and so damping and the choice of a basis, are its
-            own.
+            `(m, n)`: that of the task; with `frame=` the one about the origin and in the axes of that link (Bettini,
+            De Luca, Oriolo 2000, eq. 7). Its singular values determine the damping and the choice of a basis.
 
         Raises:
             RedundancyError: A wrong size, or numbers that are not finite.
         """
     @property
     def frame(self) -> str | None:
-        """The link in whose frame the scheme works; None for the task's own coordinates."""
+        """The link in whose frame the scheme works; None for the coordinates of the task."""
 
 @final
 class ProjectedGradient(Resolver):
     """Projected gradient (Bettini, De Luca, Oriolo 2000, eq. 2): `qd = J^+ v + (I - J^+ J) eta`.
 
-    `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near singularities
-    J^+ is damped; the projector is exact all the same, so the freedom never moves the tool.
+    `eta` is the gain times the gradient of the criterion, with minus for one to be minimised and plus for one to be
+    maximised. Near singularities J^+ is damped; the projector stays exact, so the null-space motion never moves the
+    tool.
 
     Args:
         chain: The arm.
-        criterion: What the freedom is used for; None for the least joint velocity.
-        gain: Joint velocity per unit of the gradient, >= 0, or `"optimal"`: the step that makes the criterion best
-            after `dt` within position and velocity limits (section 4.4).
+        criterion: Objective for the freedom; None for the least joint velocity.
+        gain: Joint velocity per unit of the gradient, >= 0, or `"optimal"`: the step with the best value of the
+            criterion after `dt` within position and velocity limits (section 4.4).
         task: Which coordinates count; `pose` by default.
         damping: `"auto"`, a `Damping`, or None for off.
-        frame: Name of the link in whose axes and about whose origin the six coordinates of `pose` or `pose_rpy` are
-            written inside (eq. 7): damping then acts on the singular values of that Jacobian. Velocities and task
+        frame: Name of a link. The six coordinates of `pose` or `pose_rpy` are then transformed internally to its axes
+            and origin (eq. 7), so that damping acts on the singular values of that Jacobian. Velocities and task
             errors are given as before.
 
     Raises:
@@ -1642,26 +1645,26 @@ class ReducedGradient(Resolver):
     """Reduced gradient (Bettini, De Luca, Oriolo 2000, eq. 4).
 
     The dependent joints follow the task, the others the reduced gradient; at equal gain this converges faster than
-    the projected gradient. Without `basis` the dependent joints are chosen and changed before their Jacobian becomes
-    singular, with hysteresis, blended over three steps, and reported.
+    the projected gradient. Without `basis` the dependent joints are chosen automatically, and exchanged before their
+    Jacobian becomes singular (with hysteresis, blended over three steps, and reported).
 
     Args:
         chain: The arm.
         criterion: As for `ProjectedGradient`.
         gain: As for `ProjectedGradient`.
         task: Which coordinates count; `pose` by default.
-        damping: As for `ProjectedGradient`; acts only where no basis is good.
+        damping: As for `ProjectedGradient`; acts only where no basis is well conditioned.
         basis: Dependent joints, from 0, as many as the task has coordinates; they are then kept. The paper's DEXTER
             with "columns 2 and 7 deleted" is `(0, 2, 3, 4, 5, 7)`.
         frame: As for `ProjectedGradient`: the paper's DEXTER works in `"link4"`.
-        form: `"robust"`: the freedom never moves the tool. `"paper"`: eq. 4 as printed, with the damped inverse also in
-            `J_R`, so that under damping it does.
+        form: `"robust"`: the null-space motion never moves the tool. `"paper"`: eq. 4 as printed, with the damped
+            inverse also in `J_R`, so that under damping it does.
         schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
             over three steps and reported. Needs `basis` for the start, and `dt` in every step.
 
     Raises:
-        RedundancyError: As for `ProjectedGradient`; a basis of another size, with a joint twice or one that there is
-            not; a schedule without `basis`, or whose times do not ascend; an unknown form.
+        RedundancyError: As for `ProjectedGradient`; a basis of another size, with a repeated joint or one that does
+            not exist; a schedule without `basis`, or whose times do not ascend; an unknown form.
     """
 
     def __new__(
@@ -1680,16 +1683,16 @@ class ReducedGradient(Resolver):
 
 @final
 class ExtendedJacobian(Resolver):
-    """Extended Jacobian (Park, Chung, Youm 1996, eq. 5): the freedom keeps the criterion stationary.
+    """Extended Jacobian (Park, Chung, Youm 1996, eq. 5): the freedom is used to keep the criterion stationary.
 
-    Started at a stationary point it stays on that branch, so closed paths are cyclic. The task comes first: where the
-    condition loses rank (an algorithmic singularity) only the motion of the freedom is damped, and reported.
+    Started at a stationary point it follows that point, so closed paths are cyclic. The task has priority: where the
+    condition loses rank (an algorithmic singularity), only the null-space motion is damped, and this is reported.
 
     Args:
         chain: The arm.
         criterion: A criterion with a Hessian.
         task: Which coordinates count; `pose` by default.
-        gain: Rate, 1/s, at which the arm is drawn to the stationary point.
+        gain: Rate, 1/s, at which the arm approaches the stationary point.
         damping: As for `ProjectedGradient`.
     """
 
@@ -1705,32 +1708,33 @@ class ExtendedJacobian(Resolver):
 
 @final
 class SaturatedNullspace(Resolver):
-    """Hard limits: the largest scale of the task that the limits allow, then the joint velocity nearest to the wish.
+    """Hard limits: the largest scale of the task velocity within the limits, then the best null-space motion.
 
-    Saturation in the null space in its optimal form (Flacco, De Luca, Khatib 2015). Position limits (with the distance
-    that braking takes), velocity limits and, when `step` gets `qd`, acceleration limits of the chain hold at every step
-    of length `dt`; where they exclude each other position comes before velocity before acceleration. A joint outside
-    its limits is brought back. Where no scale is possible, because joints have to brake, the scale is 0 and the task is
-    approached as nearly as the bounds allow.
+    Saturation in the null space in its optimal form (Flacco, De Luca, Khatib 2015). Position limits (with the
+    distance that braking takes), velocity limits and, when `step` gets `qd`, acceleration limits of the chain hold at
+    every step of length `dt`; if they contradict each other, position has priority over velocity, and velocity over
+    acceleration. A joint outside its limits is brought back. If no scale is feasible, because joints have to brake,
+    the scale is 0 and the tool moves as closely to the task velocity as the bounds allow. Among the joint velocities
+    with the largest scale, the one nearest to the gain times the gradient of the criterion is taken.
 
-    With `scene` or `links` distances are kept too, as hard bounds: for a pair at distance d with gradient g
-    `g . qd >= -min(alpha (d - safe_distance), sqrt(2 a_d (d - safe_distance))) - dd/dt`, alpha the barrier rate (at
-    most `1 / dt`), a_d the deceleration along g that the acceleration limits allow, dd/dt from the obstacle's own
-    motion; below
-    the safe distance the first term alone, which leads away. Where bounds exclude each other position comes first, then
-    contact, velocity, acceleration. `Step.limiting_pairs` says which pairs held a step back.
+    With `scene` or `links` distances are hard bounds too: for a pair at distance d with gradient g `g . qd >=
+    -min(alpha (d - safe_distance), sqrt(2 a_d (d - safe_distance))) - dd/dt`, alpha the barrier rate (at most
+    `1 / dt`), a_d the deceleration along g that the acceleration limits allow, dd/dt the change due to the obstacle's
+    own motion. Below the safe distance only the first term counts, which moves the pair apart. If bounds contradict
+    each other, position has priority, then distances, velocity, acceleration. `Step.limiting_pairs` says which pairs
+    limited a step.
 
     Args:
         chain: The arm with its limits.
-        criterion: What the freedom is used for; None for the least joint velocity.
+        criterion: Objective for the freedom; None for the least joint velocity.
         gain: Joint velocity per unit of the gradient, >= 0.
         task: Which coordinates count; `pose` by default.
-        damping: As for `ProjectedGradient`; off by default, near singularities the task is scaled instead.
+        damping: As for `ProjectedGradient`; off by default, because near singularities the task is scaled.
         scene: Obstacles to keep a distance from.
         links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
         safe_distance: Distance that is kept, m.
-        barrier_rate: How fast the distance to it may shrink, 1/s.
-        self_collision: Whether links keep a distance from each other; `"auto"`: where `links` have pairs.
+        barrier_rate: Largest rate at which the remaining distance to it may shrink, 1/s.
+        self_collision: Whether links keep a distance from each other; `"auto"`: if `links` has pairs.
     """
 
     def __new__(
@@ -1750,15 +1754,15 @@ class SaturatedNullspace(Resolver):
 
 @final
 class Track(Plan):
-    """A plan that followed a path in closed loop, one row every `dt`.
+    """The result of following a path in closed loop, one row every `dt`.
 
-    `converged`; `off_path`: farther from the path than the tolerance, the reason gives the largest error and its row;
-    `limits`: a joint breaks a position or speed limit; `collision`: contact; `time_limit`: the rows so far.
+    `converged`; `off_path`: farther from the path than the tolerance (the reason gives the largest error and its
+    row); `limits`: a joint violates a position or speed limit; `collision`: contact; `time_limit`: the rows so far.
     """
 
     @property
     def position_error(self) -> float:
-        """Largest distance from the path, m, of the coordinates that count."""
+        """Largest distance from the path, m, in the coordinates of the task."""
     @property
     def orientation_error(self) -> float:
         """Largest angle from the path, rad."""
@@ -1782,8 +1786,8 @@ def track(
 ) -> Track:
     """Follows a path in closed loop: `v = v_path(t) + feedback * error`, `q += dt * qd`.
 
-    The resolver is copied, so a run does not disturb its state. A path without times is timed first: the least joint
-    motion along it may use half of the velocity limits.
+    The resolver is copied, so a run does not disturb its state. A path without times gets them first, such that the
+    least joint motion along it uses at most half of the velocity limits.
 
     Args:
         chain: The arm, the one that the resolver was made for.
@@ -1792,11 +1796,11 @@ def track(
         q0: Joint positions at the start `(n,)`.
         dt: Length of a step, s.
         feedback: Gain of the task error, 1/s; below `2 / dt`.
-        tolerance: Largest distance (m) and angle (rad) from the path that are still on it (1e-3, 1e-2).
-        scene: Obstacles. With them (or links) each row has its clearance, and contact in the rows or between them is an
-            event and the status `collision`. Those of a resolver that keeps distances are taken when left out.
+        tolerance: Largest allowed distance (m) and angle (rad) from the path (1e-3, 1e-2).
+        scene: Obstacles. With them (or links) each row has its clearance, and contact in the rows or between them is
+            an event and the status `collision`. By default those of a resolver that keeps distances.
         links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
-        self_collision: Whether links must not touch each other; `"auto"`: where `links` have pairs.
+        self_collision: Whether links must not touch each other; `"auto"`: if `links` has pairs.
         progress: Called with the share of the work done.
         time_limit: Seconds after which the rows so far are returned; `None` is off.
 
@@ -1811,19 +1815,19 @@ def track(
 
 @final
 class Clearance(Criterion):
-    """Distance from obstacles, to maximise.
+    """Distance from obstacles, to be maximised.
 
-    A soft minimum of the signed distances of all pairs of link and obstacle: smooth where the nearest pair changes, at
-    most the least distance, and less by at most `smoothing` times the logarithm of the number of pairs as near as it.
-    The Hessian is the difference quotient of the analytic gradient.
+    A soft minimum of the signed distances of all pairs of link and obstacle: it is smooth where the nearest pair
+    changes. It is at most the least distance, and below it by at most `smoothing` times the logarithm of the number
+    of pairs that are equally near. The Hessian is the difference quotient of the analytic gradient.
 
     Args:
         chain: The arm.
         scene: The obstacles.
         link_radius: Links are capsules of this radius (m) from joint to joint and to the tool; or a `LinkGeometry`.
-        links: The same under another name.
-        self_collision: The pairs of links count too.
-        smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+        links: Another name of `link_radius`.
+        self_collision: Whether the pairs of links count too.
+        smoothing: Width of the transition between nearest pairs, m; 0 gives the least distance itself.
     """
 
     def __new__(
@@ -1839,19 +1843,19 @@ class Clearance(Criterion):
 
 @final
 class SelfClearance(Criterion):
-    """Distance of links from each other, to maximise: a soft minimum over the pairs of a `LinkGeometry`.
+    """Distance of links from each other, to be maximised: a soft minimum over the pairs of a `LinkGeometry`.
 
     Args:
         chain: The arm.
         links: Its shapes and pairs.
-        smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+        smoothing: Width of the transition between nearest pairs, m; 0 gives the least distance itself.
     """
 
     def __new__(cls, chain: Chain, links: LinkGeometry, *, smoothing: float = 0.002) -> Self: ...
 
 @final
 class Elbow(Criterion):
-    """Squared distance (m^2) of the elbow from a point, to minimise.
+    """Squared distance (m^2) of the elbow from a point, to be minimised.
 
     Args:
         chain: The arm.
@@ -1869,15 +1873,15 @@ class SrsArm:
     """A spherical-revolute-spherical arm with its closed-form inverse kinematics (Moore & Oztop 2010).
 
     The arm is recognised from its geometry alone: any base, tool, axis signs, joint zeros, elbow offset. With n from
-    shoulder to wrist, the elbow is on a circle about n; the swivel s says where. Zero and sense of s follow the paper
-    in the frame whose z is +axis 1 and whose x is the base x projected.
+    shoulder to wrist, the elbow is on a circle about n, and the swivel s is its angle on the circle. Zero and sense
+    of s follow the paper in the frame whose z is +axis 1 and whose x is the base x projected.
 
     Args:
-        chain: Seven turning joints.
-        chart: `"shortest_arc"` (the paper; singular where n is against the reference) or `"stereographic"` (singular
-            only on the half-line that you name).
-        reference: `(3,)` direction in world axes: for `shortest_arc` the one used for +axis 1, for `stereographic` the
-            singular half-line (default: against axis 1).
+        chain: Seven revolute joints.
+        chart: `"shortest_arc"` (the paper's; singular if n is opposite to the reference) or `"stereographic"`
+            (singular only if n is along the reference).
+        reference: `(3,)` direction in world axes: for `shortest_arc` the one used in place of +axis 1, for
+            `stereographic` the singular half-line (default: opposite to axis 1).
 
     Raises:
         NotSrsError: Which axes miss each other and by how much.
@@ -1909,7 +1913,7 @@ class SrsArm:
         """Name of the chart."""
     @property
     def defect(self) -> tuple[float, float]:
-        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+        """How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect."""
     @property
     def lengths(self) -> tuple[float, float]:
         """Upper arm and forearm, m: shoulder and wrist centre to the elbow axis."""
@@ -1917,16 +1921,16 @@ class SrsArm:
     def shoulder(self) -> NDArray[np.float64]:
         """Centre of the shoulder in the world, `(3,)`, m."""
     def solve(self, pose: Any, swivel: float | ArrayLike, limits: bool = True) -> NDArray[np.float64]:
-        """Configurations over a pose at a swivel.
+        """Configurations for a pose at a swivel.
 
         Args:
             pose: `(4, 4)` or SE3-like.
             swivel: The angle s, rad, or u = (cos s, sin s), `(2,)`.
-            limits: Only those within the joint limits. Without: all 8 rows in branch order (index
+            limits: Only those within the joint limits. If False: all 8 rows in branch order (index
                 `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
 
         Returns:
-            `(k, 7)`; `(0, 7)` when the pose is out of reach or no branch holds the limits here:
+            `(k, 7)`; `(0, 7)` if the pose is out of reach or no branch is within the limits at this swivel:
             `self_motion(pose).reason` says which.
         """
     def solve_batch(
@@ -1938,53 +1942,53 @@ class SrsArm:
         *,
         threads: int | None = None,
     ) -> SolveBatch:
-        """All branches over many poses.
+        """All branches for many poses.
 
         Args:
             poses: `(N, 4, 4)`.
             swivels: One angle, `(N,)` angles, or `(N, 2)` vectors (cos s, sin s).
             limits: Whether `valid` says that the joint limits hold, or only that the pose is in reach.
-            out: An earlier result, or `(q, valid)` of shapes `(N, 8, 7)` and `(N, 8)`, to be filled again.
-            threads: Size of the pool; all cores by default. The bits do not depend on it.
+            out: An earlier result, or `(q, valid)` of shapes `(N, 8, 7)` and `(N, 8)`, to be overwritten.
+            threads: Size of the pool; all cores by default. The result does not depend on it.
         """
     def intervals_batch(
         self, poses: Any, margin: float = 0.0, *, threads: int | None = None
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Feasible intervals of all branches over many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi).
+        """Feasible intervals of all branches for many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi).
 
         Args:
             poses: `(N, 4, 4)`, or a list of SE3-like objects.
             margin: Distance kept from every joint limit, rad.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def best_batch(self, poses: Any, criterion: Criterion, *, threads: int | None = None) -> ChoiceBatch:
-        """`SelfMotion.best` over many poses.
+        """`SelfMotion.best` for many poses.
 
         Args:
             poses: `(N, 4, 4)`, or a list of SE3-like objects.
-            criterion: What is best.
-            threads: Threads for a batch; all cores when left out.
+            criterion: Decides which configuration is best.
+            threads: Threads for a batch; all cores by default.
         """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
     def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """The configuration `(7,)` over the pose nearest to `q` (Euclidean), limits held, windings included.
+        """The configuration `(7,)` for the pose within the limits with the least distance to `q`, windings included.
 
         `None` when there is none: `self_motion(pose).reason` says why. A batch of poses gives a `ChoiceBatch`.
 
         Args:
             pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
             q: `(7,)`, or `(N, 7)` for many poses, rad.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def nearest_batch(self, poses: Any, q: ArrayLike, *, threads: int | None = None) -> ChoiceBatch:
-        """`nearest` over many poses, to one `q` `(7,)` or one each `(N, 7)`.
+        """`nearest` for many poses, to one `q` `(7,)` or one each `(N, 7)`.
 
         Args:
             poses: `(N, 4, 4)`, or a list of SE3-like objects.
             q: `(7,)` or `(N, 7)`, rad.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def swivel(self, q: ArrayLike) -> Any:
         """Swivel angle of a configuration, rad in (-pi, pi]; `(N,)` for `(N, 7)`.
@@ -1999,13 +2003,13 @@ class SrsArm:
             q: Joint positions `(7,)` or `(N, 7)`, rad.
         """
     def self_motion(self, pose: Any) -> SelfMotion:
-        """Every configuration over a pose, as an object."""
+        """Every configuration for a pose, as an object."""
     def chart_change(self, other: SrsArm, pose: Any) -> float:
-        """What to add to a swivel of this chart to have that of `other`'s chart at the same pose, rad."""
+        """The difference between a swivel in `other`'s chart and in this chart at the same pose, rad."""
 
 @final
 class SelfMotion:
-    """Every configuration over one pose: up to eight circles.
+    """Every configuration for one pose: up to eight circles.
 
     Example:
         >>> import redundancy as rd
@@ -2022,16 +2026,16 @@ class SelfMotion:
         """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
     @property
     def reason(self) -> str:
-        """Why none, with the number: too far or too near by x mm; which joint, by how much at best.
+        """Why there is none: too far or too near by how many mm, or which joint is outside by how much even at best.
 
-        Where the verdict is not `proven`, also why. Else empty.
+        If the status is not `proven`, also why. Empty otherwise.
         """
     @property
     def proven(self) -> bool:
-        """Status and branches are exact.
+        """Whether status and branches are exact.
 
-        False for an arm with a defect above 1e-9, and where shoulder or wrist reach a gimbal over this pose: there the
-        outer joints may share their sum in any way, beside the branches.
+        False for an arm with a defect above 1e-9, and if shoulder or wrist reach a gimbal for this pose: there only
+        the sum of the outer joints is determined, so there are configurations besides the branches.
         """
     @property
     def center(self) -> NDArray[np.float64]:
@@ -2058,8 +2062,8 @@ class SelfMotion:
     def elbow(self, s: float | ArrayLike) -> NDArray[np.float64]:
         """The elbow in the world at a swivel: the paper's p_E (eq. 15).
 
-        It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the
-        elbow's axis nearest to shoulder and wrist.
+        It lies on the sphere of the upper arm around the shoulder. For an arm with elbow offset it is the point of
+        the elbow's axis nearest to shoulder and wrist.
 
         Args:
             s: Swivel, rad, or `(N,)`.
@@ -2072,7 +2076,7 @@ class SelfMotion:
         """
     @property
     def branches(self) -> list[Branch]:
-        """The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach."""
+        """The distinct circles: 8; 4 for the stretched and the folded arm; none if the pose is out of reach."""
     def best(self, criterion: Criterion) -> Choice:
         """The best configuration over all branches, feasible arcs and windings.
 
@@ -2080,7 +2084,7 @@ class SelfMotion:
         point that a piecewise cubic resolves is compared.
 
         Args:
-            criterion: What is best, of the same arm.
+            criterion: A criterion of the same arm.
         """
     def nearest(self, q: ArrayLike) -> Choice:
         """The configuration with the least Euclidean distance to `q`, which is the `value`.
@@ -2091,7 +2095,7 @@ class SelfMotion:
 
 @final
 class Branch:
-    """One circle of configurations: fixed signs, the swivel runs."""
+    """One circle of configurations with fixed signs, parametrised by the swivel."""
 
     @property
     def signs(self) -> tuple[int, int, int]:
@@ -2102,7 +2106,7 @@ class Branch:
     def q(self, s: float | ArrayLike) -> NDArray[np.float64]:
         """Configuration at swivel `s` (rad): `(7,)`, or `(N, 7)` for `(N,)`.
 
-        Principal values unless that breaks a limit and a winding does not.
+        Principal values, unless these violate a limit and another winding does not.
         """
     def tangent(self, s: float | ArrayLike) -> NDArray[np.float64]:
         """dq/ds, `(7,)` or `(N, 7)`: in the kernel of the Jacobian.
@@ -2118,7 +2122,7 @@ class Branch:
 
         Returns:
             `(k, 7)`, ascending by the first joint that differs; joints without limits keep their principal value.
-            `(0, 7)` where the branch breaks a limit here.
+            `(0, 7)` if the branch is outside the limits at this swivel.
 
         Raises:
             RedundancyError: A swivel that is not finite.
@@ -2133,20 +2137,20 @@ class Branch:
 
         Returns:
             `(q_3, q_4, conj(q_4) q)`, each `(4,)` or `(N, 4)`, `(w, x, y, z)`: the orientations of upper arm and
-            forearm, z along the link and y along the axis of joint 4, and what joints 5 to 7 turn.
+            forearm, z along the link and y along the axis of joint 4, and the rotation of joints 5 to 7.
 
         Raises:
             RedundancyError: A swivel that is not finite.
         """
     def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
-        """Where all joint limits hold with `margin` (rad, from each limit): `(k, 2)`, exact.
+        """Intervals of the swivel in which all joints keep `margin` (rad) from their limits: `(k, 2)`, exact.
 
         `[lo, hi]` contains s when `(s - lo) mod 2 pi <= hi - lo`.
         """
 
 @final
 class Choice:
-    """A configuration chosen over a pose; its parts are `None` where no configuration holds the limits."""
+    """A configuration chosen for a pose; its parts are `None` if no configuration is within the limits."""
 
     @property
     def q(self) -> NDArray[np.float64] | None:
@@ -2165,17 +2169,17 @@ class Choice:
         """`converged`, `limits` or `unreachable`."""
     @property
     def reason(self) -> str:
-        """Why there is none, or why it is not proven to be the best; else empty."""
+        """Why there is none, or why it is not proven to be the best; empty otherwise."""
     @property
     def proven(self) -> bool:
-        """No configuration over the pose is better; where there is none, the verdict is exact.
+        """Whether it is certain that no configuration for the pose is better, or that there is none.
 
-        False for the best of a scan (criteria without bounds), and at gimbals that leave joints free.
+        False for criteria without bounds, and at gimbals that leave joints free.
         """
 
 @final
 class ChoiceBatch:
-    """Choices over many poses."""
+    """Choices for many poses."""
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -2194,11 +2198,11 @@ class ChoiceBatch:
         """`(N,)`: there is a configuration within the limits."""
     @property
     def proven(self) -> NDArray[np.bool_]:
-        """`(N,)`: there is one, and no other over the pose is better."""
+        """`(N,)`: there is one, and no other for the pose is better."""
 
 @final
 class SolveBatch:
-    """Result of `solve_batch` of an arm with a closed form, and of `nearest` over many poses."""
+    """Result of `solve_batch` of an arm with a closed form, and of `nearest` for many poses."""
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -2211,10 +2215,11 @@ class SolveBatch:
 
 @final
 class IkSolver:
-    """From poses to configurations: any chain, joint limits held, a real tolerance.
+    """Inverse kinematics of any chain, within its joint limits and to a given tolerance.
 
-    `hybrid` uses the closed form where the arm has one (`rd.closed_form`), else ranked starts and
-    Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
+    `hybrid` uses the closed form if the arm has one (`rd.closed_form`), otherwise ranked starts and
+    Levenberg-Marquardt. Construction computes a table of configurations (about a millisecond), so construct a solver
+    once and use it for many poses.
 
     Args:
         chain: The arm.
@@ -2226,19 +2231,20 @@ class IkSolver:
         tol_orientation: Largest angle from the target that counts as reached, rad.
         max_iterations: Most iterations over all starts.
         restarts: Most starts after the first.
-        criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
-            closed form to the best value over all configurations.
+        criterion: Objective for the spare freedom: the result is stationary in the null space of the task; with a
+            closed form it is the best of all configurations.
         orientation_set: `Cone`, `QuaternionVolume` or `OrientationSet` of orientations that count as reached, instead
             of the target's.
-        closed_form: Whether the closed form is used where the arm has one.
+        closed_form: Whether the closed form is used if the arm has one.
         time_limit: Seconds after which the best configuration so far is returned.
         position_weight: Weight of the squared distance (1/m^2) in the cost of the descent algorithms and of `trace`.
         orientation_weight: Weight of the orientation in that cost.
         order: Order of a sweep of coordinate descent: `"tip_to_base"`, `"base_to_tip"`, `"double"`.
         measure: Cost of an orientation: squared distances of the three `"axes"`, or of `"quaternions"`.
-        joint_weights: `(n,)` share of the way that each joint goes in weighted descent (eq. 46) and in the estimate.
+        joint_weights: `(n,)` share of its best step that each joint takes in weighted descent (eq. 46) and in the
+            estimate.
         gradient: `"true"` with a line search, or the paper's `"estimate"` as printed.
-        attractions: Secondary terms (eq. 43): link, point `(3,)`, weight; a negative weight drives the link away.
+        attractions: Secondary terms (eq. 43): link, point `(3,)`, weight; a negative weight repels the link.
 
     Raises:
         RedundancyError: A setting out of its range, by name.
@@ -2285,15 +2291,15 @@ class IkSolver:
         """Which coordinates count."""
     @property
     def closed_form(self) -> str | None:
-        """`"srs"`, `"spherical_wrist"` or `None`: the closed form in use."""
+        """Name of the closed form in use, such as `"srs"` or `"panda_class"`; `None` without one."""
     def solve(self, pose: Any, q0: ArrayLike | None = None, seed: int = 0) -> IkResult:
-        """A configuration over a pose.
+        """A configuration for a pose.
 
         Args:
             pose: `(4, 4)` or SE3-like; `(2,)` or `(3,)` for `planar`, `(3,)` for `position`, `(x, y, angle)` for
                 `planar_pose`.
-            q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
-            seed: Decides the random starts, if it comes to those. The same seed, the same bits.
+            q0: `(n,)` start of the search; a closed form returns the configuration nearest to it.
+            seed: Seed of the random starts. The same seed gives the same bits.
 
         Raises:
             RedundancyError: A pose that is not rigid (with the measured error), wrong shapes, numbers that are not
@@ -2304,29 +2310,29 @@ class IkSolver:
     ) -> IkBatch:
         """`solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
 
-        Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+        Row i is exactly what `solve` gives for pose i, whatever the number of threads.
 
         Args:
             poses: `(N, 4, 4)`, or the short forms of `solve` with a leading axis.
-            q0: Where the search begins, `(n,)` or `(N, n)`, rad or m.
-            seed: Decides the random starts, of every pose the same.
-            threads: Threads for a batch; all cores when left out.
+            q0: Start of the search, `(n,)` or `(N, n)`, rad or m.
+            seed: Seed of the random starts, the same for every pose.
+            threads: Threads for a batch; all cores by default.
         """
     def trace(self, pose: Any, q0: ArrayLike) -> IkTrace:
         """One run of the method from `q0`, without restarts or closed form, iteration by iteration.
 
-        `hybrid` runs as `newton`. At most `max_iterations`.
+        `hybrid` runs as `newton`. There are at most `max_iterations` iterations.
 
         Args:
             pose: `(4, 4)` or SE3-like.
-            q0: Where it begins, `(n,)`, rad or m.
+            q0: Start, `(n,)`, rad or m.
         """
     @staticmethod
     def _restore(chain: Chain, options: dict[str, Any]) -> IkSolver: ...
 
 @final
 class IkTrace:
-    """How a run went: entry k is before iteration k, the last one is at the end."""
+    """History of one run: entry k is the state before iteration k, the last entry is the final state."""
 
     def __new__(
         cls,
@@ -2337,7 +2343,7 @@ class IkTrace:
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
-        """Where it ended, `(n,)`."""
+        """Final configuration, `(n,)`."""
     @property
     def cost(self) -> NDArray[np.float64]:
         """Weighted cost `(k,)` of the descent algorithms, whatever the method."""
@@ -2371,7 +2377,7 @@ def joint_cost(
     orientation_weight: float = 1.0,
     measure: str = "axes",
 ) -> tuple[float, ...]:
-    """Coefficients of the cost of a pose while a joint about `axis` through `origin` turns it by psi.
+    """Coefficients of the cost of a pose as a function of the angle psi of a joint about `axis` through `origin`.
 
     `(K, a, b)` for the measure `"axes"` (squared distances of the point and of the three unit axes),
     `(K, a, b, c, d)` for `"quaternions"`; for `sinusoid_minimum` and `half_angle_minimum`.
@@ -2380,7 +2386,7 @@ def joint_cost(
         axis: Direction `(3,)` of the joint's axis, world axes.
         origin: A point `(3,)` on the axis, m.
         pose: Pose `(4, 4)` of the tool at psi = 0.
-        target: Pose `(4, 4)` that is wanted.
+        target: Desired pose `(4, 4)`.
         position_weight: Weight of the squared distance, 1/m^2.
         orientation_weight: Weight of the orientation.
         measure: `"axes"` or `"quaternions"`.
@@ -2388,7 +2394,7 @@ def joint_cost(
 
 @final
 class IkResult:
-    """The answer over one pose."""
+    """Result of inverse kinematics for one pose."""
 
     def __new__(
         cls,
@@ -2402,31 +2408,31 @@ class IkResult:
     ) -> Self: ...
     @property
     def q(self) -> NDArray[np.float64]:
-        """Joint positions `(n,)` within the limits; the best found where the status is not `converged`. A copy."""
+        """Joint positions `(n,)` within the limits; the best found if the status is not `converged`. A copy."""
     @property
     def status(self) -> Status:
-        """What came out.
+        """Outcome of the search.
 
         `converged`, `unreachable` (every start ended stationary above the tolerance; exact from a closed form),
-        `limits` (in reach, but only outside of the joint limits), `iteration_limit`, `time_limit`.
+        `limits` (reachable only outside of the joint limits), `iteration_limit`, `time_limit`.
         """
     @property
     def reason(self) -> str:
-        """What the status means here, with the numbers; empty when converged."""
+        """Explanation of the status, with numbers; empty when converged."""
     @property
     def iterations(self) -> int:
         """Iterations over all starts; 0 from a closed form."""
     @property
     def position_error(self) -> float:
-        """Distance from the target, m, of what counts of it: measured by forward kinematics on `q`."""
+        """Distance from the target, m, in the coordinates of the task: by forward kinematics of `q`."""
     @property
     def orientation_error(self) -> float:
-        """Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`."""
+        """Angle from the target, rad, in the coordinates of the task: by forward kinematics of `q`."""
     @property
     def proven(self) -> bool:
-        """The status is exact: `converged` always, others from a closed form without defect.
+        """Whether the status is exact: `converged` always is, others from a closed form without defect.
 
-        False where it is that of a finite search; `reason` then says of how many starts.
+        False if it is the outcome of a finite search; `reason` then says how many starts were made.
         """
     @property
     def starts(self) -> int:
@@ -2434,7 +2440,7 @@ class IkResult:
 
 @final
 class IkBatch:
-    """The answers over many poses; row i is that over pose i."""
+    """Results of inverse kinematics for many poses; row i is that of pose i."""
 
     def __new__(
         cls,
@@ -2473,7 +2479,7 @@ class SphericalWristArm:
     is perpendicular to them. Base, tool, axis signs, joint zeros, shoulder, elbow and lateral offsets do not matter.
 
     Args:
-        chain: Six turning joints.
+        chain: Six revolute joints.
 
     Raises:
         NotSphericalWristError: Which axes are wrong and by how many mm or mrad.
@@ -2495,10 +2501,10 @@ class SphericalWristArm:
         """`"spherical_wrist"`."""
     @property
     def parameter(self) -> None:
-        """`None`: the configurations over a pose are isolated."""
+        """`None`: the configurations for a pose are isolated."""
     @property
     def defect(self) -> tuple[float, float]:
-        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+        """How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect."""
     @property
     def lengths(self) -> tuple[float, float]:
         """Upper arm and forearm, m: axis 2 to axis 3, axis 3 to the wrist centre."""
@@ -2509,30 +2515,31 @@ class SphericalWristArm:
     def lateral_offset(self) -> float:
         """Distance of the wrist centre from the plane through axis 1 perpendicular to axis 2, m."""
     def solve(self, pose: Any, limits: bool = True) -> NDArray[np.float64]:
-        """Configurations over a pose, `(k, 6)`, in branch order.
+        """Configurations for a pose, `(k, 6)`, in branch order.
 
         Args:
             pose: `(4, 4)` or SE3-like.
-            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
-                principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
+            limits: Only those within the joint limits, shifted by whole turns where necessary. If False: all distinct
+                ones in principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
 
         Returns:
-            `(0, 6)` when there is none: `configurations(pose).reason` says why. A wrist at its gimbal shares the sum
-            of joints 4 and 6 with joint 4 as near to 0 as the limits allow; so does joint 1 where it is free.
+            `(0, 6)` when there is none: `configurations(pose).reason` says why. With the wrist at its gimbal, only
+            the sum of joints 4 and 6 is determined, and joint 4 is as near to 0 as the limits allow; so is joint 1
+            where it is free.
         """
     def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
-        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`.
+        """All branches for many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`.
 
         Args:
             poses: `(N, 4, 4)`, or a list of SE3-like objects.
             limits: Whether only those within the joint limits are valid.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
     def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """The configuration over the pose within limits with the least distance to `q`, windings included.
+        """The configuration for the pose within limits with the least distance to `q`, windings included.
 
         `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
         `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
@@ -2541,10 +2548,10 @@ class SphericalWristArm:
         Args:
             pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
             q: `(6,)`, or `(N, 6)` for many poses, rad.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def configurations(self, pose: Any) -> Configurations:
-        """Every configuration over a pose within the limits; where there is none, the reason."""
+        """Every configuration for a pose within the limits; if there is none, the reason."""
     def branch(self, q: ArrayLike) -> Any:
         """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
 
@@ -2557,17 +2564,20 @@ class SphericalWristArm:
 
 @final
 class Configurations:
-    """Every configuration of a `SphericalWristArm` over one pose."""
+    """Every configuration of a `SphericalWristArm` for one pose."""
 
     @property
     def status(self) -> Status:
         """`converged`, `unreachable` (no configuration) or `limits` (none within the joint limits)."""
     @property
     def reason(self) -> str:
-        """Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty."""
+        """Why there is none: out of reach by how many mm, or which joint is outside by how much.
+
+        Empty otherwise.
+        """
     @property
     def proven(self) -> bool:
-        """Status and branches are exact.
+        """Whether status and branches are exact.
 
         False for an arm with a defect above 1e-9, and where the pose leaves a joint free (wrist centre on axis 1, wrist
         at its gimbal).
@@ -2590,7 +2600,7 @@ class ParallelAxesArm:
     joint zeros, offsets and the other angles between the axes do not matter.
 
     Args:
-        chain: Six turning joints.
+        chain: Six revolute joints.
 
     Raises:
         NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
@@ -2614,39 +2624,39 @@ class ParallelAxesArm:
         """`"parallel_axes"`."""
     @property
     def parameter(self) -> None:
-        """`None`: the configurations over a pose are isolated."""
+        """`None`: the configurations for a pose are isolated."""
     @property
     def defect(self) -> tuple[float, float]:
-        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+        """How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect."""
     @property
     def lengths(self) -> tuple[float, float]:
         """Upper arm and forearm, m: axis 2 to axis 3, axis 3 to axis 4."""
     def solve(self, pose: Any, limits: bool = True) -> NDArray[np.float64]:
-        """Configurations over a pose, `(k, 6)`, in branch order.
+        """Configurations for a pose, `(k, 6)`, in branch order.
 
         Args:
             pose: `(4, 4)` or SE3-like.
-            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones, at
-                most 8, in principal values.
+            limits: Only those within the joint limits, shifted by whole turns where necessary. If False: all distinct
+                ones, at most 8, in principal values.
 
         Returns:
-            `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. Where the last axis is along the
-            parallel ones, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
-            answers of an arm with a defect are polished by Newton's method.
+            `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. If the last axis is parallel to
+            axes 2, 3 and 4, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
+            configurations of an arm with a defect are polished by Newton's method.
         """
     def solve_batch(self, poses: Any, limits: bool = True, *, threads: int | None = None) -> SolveBatch:
-        """All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished.
+        """All branches for many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished.
 
         Args:
             poses: `(N, 4, 4)`, or a list of SE3-like objects.
             limits: Whether only those within the joint limits are valid.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
     def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """The configuration over the pose within limits with the least distance to `q`, windings included.
+        """The configuration for the pose within limits with the least distance to `q`, windings included.
 
         `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
         `(N, 6)` and `valid` `(N,)`. Where the pose leaves joint 1 or joint 6 free it stays near `q`.
@@ -2654,7 +2664,7 @@ class ParallelAxesArm:
         Args:
             pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
             q: `(6,)`, or `(N, 6)` for many poses, rad.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def branch(self, q: ArrayLike) -> Any:
         """Signs (shoulder, elbow, wrist) of a configuration `(6,)`, or `(N, 3)` of many `(N, 6)`.
@@ -2668,14 +2678,15 @@ class ParallelAxesArm:
 
 @final
 class PandaClassArm:
-    """A seven-joint arm with a spherical shoulder whose last axis passes the wrist: Panda, FR3, xArm7, GEN72.
+    """A seven-joint arm with a spherical shoulder whose axis 7 does not meet axes 5 and 6: Panda, FR3, xArm7, GEN72.
 
-    The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does not
-    pass that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not matter. The set of
-    configurations over a pose, curves of joint 7 with their arcs within the joint limits, is `rd.solutions(arm, pose)`.
+    The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does
+    not pass through that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not
+    matter. The set of configurations for a pose, curves of joint 7 with their arcs within the joint limits, is
+    `rd.solutions(arm, pose)`.
 
     Args:
-        chain: Seven turning joints.
+        chain: Seven revolute joints.
 
     Raises:
         NotPandaClassError: Which axes are wrong and by how many mm or mrad.
@@ -2700,39 +2711,39 @@ class PandaClassArm:
         """`"q7"`."""
     @property
     def defect(self) -> tuple[float, float]:
-        """How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect."""
+        """How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect."""
     @property
     def lengths(self) -> tuple[float, float, float]:
         """Distances of the shoulder's and the wrist's centre from axis 4, and of the latter from axis 7, m."""
     def solve(self, pose: Any, q7: float, limits: bool = True) -> NDArray[np.float64]:
-        """Configurations over a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
+        """Configurations for a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
 
         Args:
             pose: `(4, 4)` or SE3-like.
             q7: rad.
-            limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
-                principal values.
+            limits: Only those within the joint limits, shifted by whole turns where necessary. If False: all distinct
+                ones in principal values.
 
         Returns:
-            In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this joint
-            7. The answers of an arm with a defect are polished by Newton's method.
+            In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this
+            joint 7. The configurations of an arm with a defect are polished by Newton's method.
         """
     def solve_batch(
         self, poses: Any, q7: ArrayLike, limits: bool = True, *, threads: int | None = None
     ) -> SolveBatch:
-        """All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`.
+        """All configurations for many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`.
 
         Args:
             poses: `(N, 4, 4)`, or a list of SE3-like objects.
             q7: Joint 7: a number or `(N,)`, rad.
             limits: Whether only those within the joint limits are valid.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     @overload
     def nearest(self, pose: Any, q: _Vector, *, threads: int | None = None) -> NDArray[np.float64] | None: ...
     @overload
     def nearest(self, pose: Any, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """The configuration over the pose within limits with the least distance to `q`, windings included.
+        """The configuration for the pose within limits with the least distance to `q`, windings included.
 
         `(7,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 7)`, a `SolveBatch` with `q`
         `(N, 7)` and `valid` `(N,)`.
@@ -2740,7 +2751,7 @@ class PandaClassArm:
         Args:
             pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
             q: `(7,)`, or `(N, 7)` for many poses, rad.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
 
 # closed forms and solutions over a pose
@@ -2748,14 +2759,14 @@ class PandaClassArm:
 def closed_form(chain: Chain | _ClosedForm) -> _ClosedForm | None:
     """The closed form of an arm, recognised from its geometry.
 
-    Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
-    describes its spare freedom (`"swivel"`), `None` where configurations over a pose are isolated.
+    Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter
+    that describes its spare freedom (`"swivel"`), `None` if the configurations for a pose are isolated.
 
     Args:
         chain: The arm; an arm object is returned as it is.
 
     Returns:
-        The arm object, or `None` where no closed form is known.
+        The arm object, or `None` if no closed form is known.
 
     Example:
         >>> import redundancy as rd
@@ -2777,26 +2788,27 @@ def solutions(
     step: float | None = None,
     max_rows: int | None = None,
 ) -> Solutions:
-    """Every configuration of an arm over a pose, through one interface for all arms.
+    """Every configuration of an arm for a pose, through one interface for all arms.
 
-    From the closed form where the arm has one. Otherwise Newton's method is started from seeded random configurations
-    within the limits, and curves are traced through what it finds: then `proven` is False, for there may be others.
+    From the closed form if the arm has one. Otherwise Newton's method is started from seeded random configurations
+    within the limits, and curves are traced through the configurations found; then `proven` is False, because there
+    may be others.
 
     Args:
         chain: The arm, or an arm object (whose chart then holds for the swivel).
         pose: `(4, 4)` or SE3-like, base frame, m; `(2,)` for the task `planar`.
         freedom: Must be `None`.
-        task: Which coordinates of the pose count; default the pose. The task must leave no or one freedom.
-        closed_form: Use the closed form where there is one.
+        task: Which coordinates of the pose count; all of them by default. The task must leave no more than one
+            freedom.
+        closed_form: Whether to use the closed form if there is one.
         seed: Seed of the random starts; default 0.
         starts: Number of random starts; default 100.
         step: Largest joint step between rows of traced curves; default 0.01.
-        max_rows: Rows after which a traced curve is given up; default 200 000.
+        max_rows: Rows after which following a curve is stopped; default 200 000.
 
     Raises:
         RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task
-            has
-            coordinates, or with two or more joints beyond them.
+            has coordinates, or with at least two more.
 
     Example:
         >>> import redundancy as rd
@@ -2813,7 +2825,7 @@ def solutions(
 
 @final
 class Solutions:
-    """Every configuration over one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`."""
+    """Every configuration for one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`."""
 
     @property
     def chain(self) -> Chain:
@@ -2823,16 +2835,16 @@ class Solutions:
         """0 for isolated configurations, 1 for curves."""
     @property
     def status(self) -> Status:
-        """`converged` (some configuration holds the joint limits), `limits` (only others) or `unreachable` (none)."""
+        """`converged` (some configuration is within limits), `limits` (none is) or `unreachable` (there is none)."""
     @property
     def reason(self) -> str:
-        """Why none holds the limits, with the number, and why the verdict is not `proven`; else empty."""
+        """Why none is within the limits, by how much, and why the status is not `proven`; else empty."""
     @property
     def proven(self) -> bool:
-        """Status and pieces are exact; False where they are those of a finite search, whose starts `reason` counts."""
+        """Whether status and pieces are exact; False after a finite search, whose starts `reason` counts."""
     @property
     def pieces(self) -> list[Piece]:
-        """The points or curves, whether their limits hold or not."""
+        """The points or curves, whether within the joint limits or not."""
     def nearest(self, q: ArrayLike) -> Solution:
         """The configuration within the limits nearest to `q`, windings included; its `value` is the distance.
 
@@ -2842,11 +2854,11 @@ class Solutions:
     def best(self, criterion: Criterion) -> Solution:
         """The best configuration within the limits.
 
-        Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums; else a
-        dense scan of all pieces, refined.
+        Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums;
+        otherwise found by a dense scan of all pieces with refinement.
 
         Args:
-            criterion: For as many joints as the arm has.
+            criterion: A criterion of the same arm.
         """
 
 @final
@@ -2859,10 +2871,10 @@ class Piece:
 
     @property
     def index(self) -> int:
-        """Its place in `Solutions.pieces`."""
+        """Its index in `Solutions.pieces`."""
     @property
     def label(self) -> str:
-        """What tells it from the others: the signs of the branch (shoulder, elbow, wrist), or a number."""
+        """Its name: the signs of the branch (shoulder, elbow, wrist), or a number."""
     @property
     def closed(self) -> bool:
         """Whether it is a closed curve."""
@@ -2872,7 +2884,7 @@ class Piece:
     def q(self, u: float | ArrayLike | None = None) -> NDArray[np.float64]:
         """Configuration at `u`: `(n,)`, or `(N, n)` for `(N,)`. A point needs no `u`.
 
-        Principal values unless that breaks a limit and a winding does not.
+        Principal values, unless these violate a limit and another winding does not.
 
         Raises:
             RedundancyError: `u` is not finite, is beyond the ends of an open curve, or is missing for a curve.
@@ -2884,10 +2896,10 @@ class Piece:
             RedundancyError: as `q`; a point has no tangent.
         """
     def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
-        """Where all joint limits hold in some winding, `(k, 2)`, ascending.
+        """Intervals of `u` in which all joint limits hold in some winding, `(k, 2)`, ascending.
 
-        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or
-        nothing.
+        On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point, `[[0, 0]]` or an
+        empty array.
 
         Args:
             margin: Distance from each limit, rad or m.
@@ -2903,7 +2915,7 @@ class Piece:
 
 @final
 class Solution:
-    """A configuration chosen from `Solutions`; its parts are `None` where no configuration holds the limits."""
+    """A configuration chosen from `Solutions`; its parts are `None` if no configuration is within the limits."""
 
     @property
     def q(self) -> NDArray[np.float64] | None:
@@ -2922,10 +2934,10 @@ class Solution:
         """`converged`, `limits` or `unreachable`."""
     @property
     def reason(self) -> str:
-        """Why there is none, or why it is not proven to be the best; else empty."""
+        """Why there is none, or why it is not proven to be the best; empty otherwise."""
     @property
     def proven(self) -> bool:
-        """No configuration over the pose is better; where there is none, the verdict is exact."""
+        """Whether it is certain that no configuration for the pose is better, or that there is none."""
 
 # planning
 
@@ -2933,8 +2945,8 @@ class Solution:
 class SwivelPlan(Plan):
     """A plan of an S-R-S arm with the swivel of each row; `plan_swivel` has one row per path point.
 
-    `converged`; `infeasible`: it takes reconfigurations; `unreachable`, `limits` or `collision`: some points have no
-    configuration (no rows), or none at the fixed swivel or branch (rows up to there); `time_limit`: no rows.
+    `converged`; `infeasible`: reconfigurations are needed; `unreachable`, `limits` or `collision`: some points have
+    no configuration (no rows), or none at the fixed swivel or branch (rows up to there); `time_limit`: no rows.
     """
 
     @property
@@ -2971,7 +2983,7 @@ def plan_swivel(
     progress: Callable[[float], object] | None = None,
     time_limit: float | None = None,
 ) -> SwivelPlan:
-    """Plan the swivel along a whole path: away from the limits, on one branch, without a jump.
+    """Plan the swivel along a whole path: on one branch, without jumps, away from the limits.
 
     Dynamic programming over points x swivels, all branches and windings, then refinement in a shrinking tube. Minimises
     `w_l sum L + w_s sum (1 - cos(s - desired)) + w_m sum |dq|^2` per share of the path, with
@@ -2980,14 +2992,14 @@ def plan_swivel(
     Args:
         arm: The arm.
         path: With orientations. With times, the joint velocity limits hold between points.
-        scene: Obstacles; contact is forbidden. Those that move are where the times of the path have them.
+        scene: Obstacles; contact is forbidden. Moving obstacles are at their positions at the times of the path.
         cyclic: The arm ends in the configuration in which it began; the path must be closed.
-        desired: Wished swivel, rad: one, or `(N,)`.
-        wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
-        link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
+        desired: Desired swivel, rad: one, or `(N,)`.
+        wanted_clearance: Wanted distance from the obstacles, m (0.03).
+        link_radius: Links are capsules of this radius, m (0.05), if no `links` are given.
         links: Shapes of the links, and the pairs that must not touch.
-        self_collision: Whether links must not touch each other. `"auto"`: where `links` have pairs. `True` without
-            `links`: the pairs of joint-to-joint capsules that are found.
+        self_collision: Whether links must not touch each other. `"auto"`: if `links` has pairs. `True` without
+            `links`: the pairs of joint-to-joint capsules that are found by sampling.
         fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
         branch: Keep to these signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+".
         margin: Distance kept from every joint limit, rad.
@@ -2996,9 +3008,9 @@ def plan_swivel(
         limit_weight: w_l (1).
         motion_weight: w_m (0.5).
         swivel_weight: w_s (10 000).
-        clearance_weight: Price of what is missing from the wanted distance, as a share of it (10 000).
-        manipulability_weight: Price of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
-        acceleration_weight: Price of the second differences of the joints, in the refinement (0).
+        clearance_weight: Weight of the shortfall from the wanted distance, as a share of that distance (10 000).
+        manipulability_weight: Weight of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
+        acceleration_weight: Weight of the second differences of the joints, in the refinement (0).
         progress: Called with the share of the work done.
         time_limit: Seconds after which the search ends without a plan; `None` is off.
 
@@ -3008,31 +3020,31 @@ def plan_swivel(
 
 @final
 class SwivelFlow:
-    """The swivel as a dynamical system beside obstacles: one step at a time.
+    """The swivel from a dynamical system, one step at a time, beside obstacles.
 
-    `"paper"` and `"paper_u"` are Moore & Oztop's eqs (30) to (32) as printed, on s and on u. `"robust"` takes the sine
-    of the error, the analytic gradient of the distance, forces away from singularities and limits, a rate limit and a
-    barrier that also sees the obstacles' own motion. All of them decide locally and can be trapped; `plan_swivel`
-    sees the whole path.
+    `"paper"` and `"paper_u"` are Moore & Oztop's eqs (30) to (32) as printed, on s and on u. `"robust"` takes the
+    sine of the error, the analytic gradient of the distance, forces away from singularities and limits, a rate limit
+    and a barrier that takes the obstacles' own motion into account. All of them decide locally and can be trapped;
+    `plan_swivel` considers the whole path.
 
     Args:
         arm: The arm.
-        desired: Wished swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
+        desired: Desired swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
         scene: Obstacles.
         form: `"robust"`, `"paper"`, `"paper_u"`.
-        link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
+        link_radius: Links are capsules of this radius, m (0.05), if no `links` are given.
         links: Shapes of the links, and the pairs that must not touch.
-        self_collision: Whether links must not touch each other; `"auto"`: where `links` have pairs.
+        self_collision: Whether links must not touch each other; `"auto"`: if `links` has pairs.
         branch: Signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+"; default "+++".
         tau: Time constant, s (0.1).
-        lambda_: Paper: share of the wish (0.5).
+        lambda_: Paper: share of the desired swivel (0.5).
         gain: Paper: k of the force k/|d| (0.02).
         epsilon: Paper: half the difference step, rad (0.001).
-        weights: Robust: shares of wish, obstacle, singularity, limits (0.4, 0.4, 0.05, 0.15).
+        weights: Robust: shares of desired swivel, obstacles, singularities, limits (0.4, 0.4, 0.05, 0.15).
         max_rate: Robust: rad/s (3).
         safe_distance: Robust: distance that is kept, m (0.02).
         active_distance: Robust: where the obstacle's force begins, m (0.1).
-        barrier_rate: Robust: how fast the barrier lets the distance shrink, 1/s (5).
+        barrier_rate: Robust: bound of the rate at which the distance may shrink, 1/s (5).
     """
 
     def __new__(
@@ -3071,11 +3083,11 @@ class SwivelFlow:
             pose: The tool pose at `t`.
             s: The swivel before, rad.
             dt: Time since then, s.
-            t: Where obstacles that move are, s.
-            q: `(7,)` joints before. With them the robust form holds the joint speed limits where some swivel within
-                `max_rate` does, as `follow` does.
-            rate: Rate of the swivel before, rad/s. With it the robust form smooths the new one, and beside an obstacle
-                turns round only for more than a small force, as `follow` does.
+            t: Time, for the positions of moving obstacles, s.
+            q: `(7,)` joints before. With them the robust form keeps the joint speed limits if some swivel within
+                `max_rate` allows that, as `follow` does.
+            rate: Rate of the swivel before, rad/s. With it the robust form smooths the new one, and beside an
+                obstacle reverses only for more than a small force, as `follow` does.
 
         Raises:
             RedundancyError: A pose out of reach, `dt <= 0`, numbers that are not finite.
@@ -3089,19 +3101,19 @@ class SwivelFlow:
         progress: Callable[[float], object] | None = None,
         time_limit: float | None = None,
     ) -> SwivelPlan:
-        """Along a path with times, one row every `dt` s.
+        """Follow a path with times, one row every `dt` s.
 
         Args:
             path: Tool poses with times.
             s0: Swivel at the first pose, rad.
             dt: Time between rows, s.
-            progress: Is called with the share that is done, 0 to 1.
+            progress: Called with the share of the work done, 0 to 1.
             time_limit: Seconds after which it ends with the rows so far.
 
         Returns:
-            Rows with `swivel` and `clearance`; `status` is `limits` where the arm left the joint limits, `infeasible`
-            where it ran into an obstacle or a joint was too fast, and `reason` says when and how far. `time_limit`:
-            the rows so far.
+            Rows with `swivel` and `clearance`; `status` is `limits` if the arm left the joint limits, `infeasible` if
+            it ran into an obstacle or a joint was too fast, and `reason` says when and by how much. `time_limit`: the
+            rows so far.
 
         Raises:
             RedundancyError: A path without times or orientations, a point out of reach.
@@ -3122,8 +3134,8 @@ class SwivelFlow:
 class OrientationRule:
     """A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
 
-    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`. Its arguments are the
-    options of those functions, which say what they mean.
+    Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`. Its arguments are
+    described in those functions.
     """
 
     def __new__(
@@ -3158,14 +3170,14 @@ class OrientationRule:
 
 @final
 class MaxSpeed:
-    """The largest constant tool speed over a path, and what stops a larger one."""
+    """The largest constant tool speed along a path, and what limits it."""
 
     @property
     def speed(self) -> float:
         """m/s."""
     @property
     def limiting_joint(self) -> int:
-        """Index of the joint that allows no more."""
+        """Index of the limiting joint."""
     @property
     def limiting_joint_name(self) -> str:
         """Its name."""
@@ -3174,7 +3186,7 @@ class MaxSpeed:
         """`"torque"` or `"velocity"`."""
     @property
     def at(self) -> int:
-        """The path point where that happens, from 0."""
+        """The path point at which the limit is reached, from 0."""
     @property
     def proven(self) -> bool:
         """Whether no other joint motion over the path is faster: with `q` given, and where the branches of a six-joint arm
@@ -3201,7 +3213,7 @@ class MaxSpeed:
 
 @final
 class Finding:
-    """One thing that is wrong with a trajectory: an entry of `CheckReport.findings`."""
+    """One error or warning about a trajectory: an entry of `CheckReport.findings`."""
 
     def __new__(
         cls,
@@ -3219,7 +3231,7 @@ class Finding:
     def __ne__(self, other: object, /) -> bool: ...
     @property
     def kind(self) -> str:
-        """What is wrong: one word.
+        """What is wrong, as one word.
 
         `position`, `velocity`, `acceleration`, `jerk`, `torque`, `step`, `not_at_rest`, `winding`, `singularity`,
         `self_collision`, `collision`, `path_deviation` or `time`.
@@ -3229,19 +3241,19 @@ class Finding:
         """`winding` and `singularity` are warnings, the others errors."""
     @property
     def row(self) -> int:
-        """The row nearest to the worst place, from 0."""
+        """The row nearest to the worst violation, from 0."""
     @property
     def rows(self) -> tuple[int, int]:
-        """First and last row of the part of the motion with this fault."""
+        """First and last row of the part of the motion with this error."""
     @property
     def t(self) -> float:
-        """Time of the worst place, s."""
+        """Time of the worst violation, s."""
     @property
     def joint(self) -> str | None:
-        """The joint, where it is one joint's fault."""
+        """The joint, if a single joint is the cause."""
     @property
     def link(self) -> str | None:
-        """The link, where it is one link's."""
+        """The link, if a single link is the cause."""
     @property
     def value(self) -> float:
         """What was measured, in the unit of `bound`."""
@@ -3250,7 +3262,7 @@ class Finding:
         """What is allowed, in the unit of `value`."""
     @property
     def message(self) -> str:
-        """All of it as a sentence."""
+        """The finding as a sentence."""
 
 @final
 class CheckReport:
@@ -3269,7 +3281,7 @@ class CheckReport:
         """No error; there may be warnings."""
     @property
     def judged(self) -> bool:
-        """False where times do not increase: the rows are then no motion, and their times are the only findings."""
+        """Whether the motion was checked; False if times do not increase, which is then the only finding."""
     @property
     def errors(self) -> int:
         """Number of findings that are errors."""
@@ -3295,7 +3307,7 @@ def joint_move(
         chain: The arm, or an arm object.
         q_from: `(n,)` where the arm is, rad or m.
         q_to: `(n,)` where it should be.
-        scene: What is in the way.
+        scene: Obstacles.
         links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
         velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None.
         acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None; each joint needs one.
@@ -3303,7 +3315,7 @@ def joint_move(
         clearance: Least distance from obstacles, m.
 
     Raises:
-        CannotFollowError: The move touches something or leaves the joint limits; the message says which link and
+        CannotFollowError: The move makes contact or leaves the joint limits; the message says which link and
             obstacle, or which joint, and when.
         RedundancyError: Wrong lengths, invalid limits, a joint without an acceleration limit.
 
@@ -3335,25 +3347,25 @@ def check(
     gravity: ArrayLike = (0.0, 0.0, -9.81),
     threads: int | None = None,
 ) -> CheckReport:
-    """A linter for joint trajectories: whether the arm can run what the rows say.
+    """Check a joint trajectory before an arm runs it: limits, jumps, rest, contact, deviation from a path.
 
-    Judged is what `Trajectory.sample` makes of the rows, between them as well. Neighbouring intervals with the same
-    fault of the same joint are one finding.
+    Checked is the curve that `Trajectory.sample` gives, so also the motion between the rows. Consecutive intervals
+    with the same error of the same joint are one finding.
 
     Args:
         chain: The arm, or an arm object.
         trajectory: A trajectory or plan, or a file of any origin: JSON (ROS `JointTrajectory`), CSV or npz. The joints
             may be in any order.
-        path: What the tool should follow, rows of the sections `lead_in` and `lead_out` excepted.
-        scene: What is in the way.
+        path: The path that the tool should follow, except in rows of the sections `lead_in` and `lead_out`.
+        scene: Obstacles.
         links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
         velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
         acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
         jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.
         torque_limits: `(n,)` N m or N, `"chain"`, or None for off (default); needs a chain with inertias.
         at_rest: Whether the first and the last row must be at rest.
-        tolerance: Share of a limit by which it may be exceeded, 0.001 by default. What the rounding of times to
-            nanoseconds adds is left out as well.
+        tolerance: Share of a limit by which it may be exceeded, 0.001 by default. The effect of rounding times to
+            nanoseconds is allowed in addition.
         position_tolerance: Largest distance from the path, m; 0.001 by default.
         orientation_tolerance: Largest angle from the path's orientation, rad, 0.01 by default; None for off, as for a
             plan with a free tool.
@@ -3393,11 +3405,10 @@ class RetimedTrajectory(Trajectory):
     ) -> Self: ...
     @property
     def limiting(self) -> list[str | None]:
-        """Per row (N): the limit that it comes nearest to.
+        """Per row (N): the limit that is used most.
 
         `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None
-        where
-        nothing moves.
+        if nothing moves.
         """
     @property
     def path_rows(self) -> list[int]:
@@ -3410,7 +3421,7 @@ class RetimedTrajectory(Trajectory):
         """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
     @property
     def stretched(self) -> float:
-        """Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none."""
+        """Largest ratio by which a section between two stops was slowed down after it was solved; 1.0 for none."""
 
 def retime(
     chain: Chain | Any,
@@ -3429,16 +3440,16 @@ def retime(
 ) -> RetimedTrajectory:
     """Times for a joint path: as fast as every limit allows, from rest to rest.
 
-    The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
-    is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
-    Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
-    Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows
-    get rows in between (`path_rows` says which are the path's own).
+    The joint path is the cubic spline through the rows, parametrised by chord length. The returned trajectory keeps
+    the limits as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits. Without jerk
+    limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum. Rows of the path
+    stay rows, in order; rows are added where the phases of a straight motion change and between the rows of coarse
+    paths (`path_rows` gives those of the path).
 
     Args:
         chain: the arm, `n` joints.
         trajectory: a trajectory or plan whose times are replaced, or joint rows `(N, n)`, rad or m.
-        tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
+        tool_speed: largest speed of the tool, m/s; reached wherever the joints allow it.
         velocity_limits: `(n,)`, rad/s or m/s, "chain" for those of the chain, None for none.
         acceleration_limits: `(n,)`, rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
         jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
@@ -3446,9 +3457,10 @@ def retime(
         at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
         corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
             turning of a smooth curve from row to row does not count.
-        dt: rows at these intervals (s) in place of the rows of the path.
-        rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
-            where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
+        dt: interval (s) of the rows of the result, which then replace those of the path.
+        rows_between: whether rows may be added between those of the path: where the phases of a straight motion
+            change, and where rows are sparse. If False, there is one row per row of the path, and the motion may be
+            slower.
         gravity: `(3,)`, m/s^2, world axes.
 
     Returns:
@@ -3457,7 +3469,7 @@ def retime(
     Raises:
         RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
             neither an acceleration nor a torque limit.
-        CannotFollowError: a torque limit that does not hold the arm at rest.
+        CannotFollowError: a torque limit that is too small to hold the arm at rest.
 
     Example:
         >>> import numpy as np
@@ -3479,30 +3491,30 @@ def max_speed(
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     joint_limits: bool = True,
 ) -> MaxSpeed:
-    """The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+    """The largest constant tool speed along a path, computed exactly: without friction `tau = G + v^2 D`.
 
     Args:
         chain: The arm.
         path: Positions with `orientation_rule`, poses without.
         orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
             `(N, 3, 3)`.
-        q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
-        q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest one that holds the path is
-            taken.
+        q: Joint positions `(N, n)`, one row per path point, instead of solving inverse kinematics.
+        q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest branch that can follow
+            the path is taken.
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
         velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
         gravity: m/s^2, world axes.
-        joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+        joint_limits: Whether the chosen branch must keep the position limits; not used with `q` or `q0`.
 
     Raises:
-        RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
-            gravity asks for (joint and point), no inertias, no limit, no length.
+        RedundancyError: A path that cannot be reached or followed (the points are named), torque limits that do not
+            compensate gravity (joint and point), no inertias, no limit, no length.
     """
 
 @final
 class SpeedProfile:
-    """A motion over a path whose tool speed changes."""
+    """A motion along a path with variable tool speed."""
 
     @property
     def s(self) -> NDArray[np.float64]:
@@ -3512,7 +3524,7 @@ class SpeedProfile:
         """Tool speed `(N,)`, m/s."""
     @property
     def acceleration(self) -> NDArray[np.float64]:
-        """Along the path from each point to the next `(N,)`, m/s^2."""
+        """Acceleration of the tool along the path from each point to the next `(N,)`, m/s^2."""
     @property
     def t(self) -> NDArray[np.float64]:
         """Time `(N,)`, s."""
@@ -3536,7 +3548,7 @@ def fastest_profile(
     velocity_limits: Literal["chain"] | ArrayLike | None = None,
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
 ) -> SpeedProfile:
-    """The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+    """The fastest motion along given joint positions with variable tool speed, by two passes [PhamPham2018].
 
     Args:
         chain: The arm.
@@ -3550,7 +3562,7 @@ def fastest_profile(
         gravity: m/s^2, world axes.
 
     Raises:
-        RedundancyError: As `max_speed`; a speed at an end that cannot be held.
+        RedundancyError: As for `max_speed`; a speed at an end that is not possible.
     """
 
 @final
@@ -3586,13 +3598,13 @@ class OrientationPlan(Plan):
         """Twist `(N,)` about the tool axis against the path's orientation, rad, continuous."""
     @property
     def status(self) -> Status:
-        """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
+        """Outcome: `converged` (continuous, legal, a local optimum), or why not."""
     @property
     def reason(self) -> str:
         """Why it is not `converged`; empty when it is."""
     @property
     def limiting_joint(self) -> int | None:
-        """Index of the joint that allows no more; `None` where it is the rate of the orientation."""
+        """Index of the limiting joint; `None` if the rate of the orientation is the limit."""
     @property
     def limiting_joint_name(self) -> str | None:
         """Its name."""
@@ -3601,7 +3613,7 @@ class OrientationPlan(Plan):
         """`"torque"` or `"velocity"`."""
     @property
     def at(self) -> int:
-        """The row where that happens."""
+        """The row at which the limit is reached."""
     @property
     def blocked(self) -> list[int]:
         """Points of the path without any configuration."""
@@ -3620,10 +3632,10 @@ class OrientationPlan(Plan):
 
 @final
 class ToolFreedom:
-    """How far the tool may lean and spin away from the path's orientation at each point.
+    """How far the tool may tilt and spin away from the path's orientation at each point.
 
     The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
-    swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
+    swing-twist decomposition of `R_path^T R`, continuous along the path. If both are 0, the full pose is kept.
 
     Args:
         half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
@@ -3658,9 +3670,10 @@ class ToolFreedom:
 
 @disjoint_base
 class Plan(Trajectory):
-    """A motion along a path with its verdict: what every planner and every step-by-step scheme returns.
+    """A motion along a path with status and reason: the result of every planner and every step-by-step scheme.
 
-    A `Trajectory` with what happened to the freedom in each row. A column that the scheme does not know is `None`.
+    A `Trajectory` that also holds, for each row, how the freedom is used. A column that the scheme does not compute
+    is `None`.
 
     Example:
         >>> import numpy as np, redundancy as rd
@@ -3689,28 +3702,28 @@ class Plan(Trajectory):
         """
     @property
     def status(self) -> Status:
-        """What the planner did: `converged` (continuous, legal, a local optimum), or why not."""
+        """Outcome: `converged` (continuous, legal, a local optimum), or why not."""
     @property
     def reason(self) -> str:
         """Why it is not `converged`; empty when it is."""
     @property
     def legal(self) -> bool | None:
-        """Whether limits, task, contact and continuity hold on the verification grid, whatever the status."""
+        """Whether limits, task, clearance and continuity hold on the verification grid, independent of the status."""
     @property
     def proven(self) -> bool:
-        """True when the status is exact, False when it is that of the best of a finite search.
+        """True if the status is exact, False if it is the outcome of a finite search.
 
-        `converged` says that the motion was verified, not that there is no cheaper one.
+        `converged` means that the motion was verified, not that there is no cheaper one.
         """
     @property
     def cost(self) -> float | None:
-        """What was minimised, summed over the path, without a unit."""
+        """The minimised cost, summed over the path, without a unit."""
     @property
     def reconfigurations(self) -> list[int]:
         """Rows before which the arm must change its configuration; none when `converged`."""
     @property
     def reconfiguration_reasons(self) -> list[str]:
-        """Why, for each of them."""
+        """Why each of them is needed."""
     @property
     def blocked(self) -> list[int]:
         """Points of the path without any configuration."""
@@ -3790,8 +3803,7 @@ def plan(
     """Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 
     Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
-    once,
-    with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
+    once, with `D` the share of the path (of its time, if it has times) and `L` the limit term of docs/planning.md.
 
         plan = rd.plan(rd.catalog.load("panda"), path)
         plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
@@ -3799,9 +3811,9 @@ def plan(
     Args:
         chain: The arm, of `n` joints.
         path: Poses or positions to follow, one row of the plan for each.
-        freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
-        task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path with
-            orientations; with a freedom it means what it means without: the pose, but for the freedom.
+        freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
+            positions).
+        task: Which coordinates count, by name or as a `Task`, instead of a freedom.
         cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
         q_start: Configuration `(n,)` at the first point.
         q_end: Configuration `(n,)` at the last point.
@@ -3809,21 +3821,21 @@ def plan(
             `speed_weights`, then the motion; needs times).
         motion_weight: Weight of the joint motion. Default 0.5.
         limit_weight: Weight of the distance from the joint limits. Default 1.
-        criterion: Minimised or maximised along the path, as its sense says.
+        criterion: Minimised or maximised along the path, according to its sense.
         criterion_weight: Its weight.
         joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
         tool_speed: Constant speed of the tool, m/s, instead of the path's times.
-        velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps where there are times.
-            `"chain"` takes the chain's, `None` is off. No joint turns by more than an eighth of a turn between rows.
+        velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps if there are times. `"chain"`
+            for those of the chain, `None` for off. No joint turns by more than an eighth of a turn between rows.
         speed_weights: Weight `(n,)` of each joint in the peak speed. Default one over its limit.
         margin: Distance kept from every joint position limit, rad or m.
-        time_limit: Seconds after which the best so far is returned, with status `time_limit`.
+        time_limit: Seconds after which the best plan so far is returned, with status `time_limit`.
         seed: Seed of the random postures; the same seed gives the same plan.
         threads: Threads to use; all cores by default.
         progress: Called with the share of the work that is done. Ctrl-C returns the best so far.
 
     Returns:
-        The plan; its `status` says what was possible.
+        The plan, with `status` and `reason`.
 
     Raises:
         RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or
@@ -3856,18 +3868,19 @@ def plan_orientation(
 
     Args:
         chain: The arm, six or seven joints, with inertias.
-        path: The cone stands on its orientations; a path of positions has the tool axis down, or `orientation`.
+        path: Poses, whose tool axes are the axes of the cone; on a path of positions the tool points down, or has
+            `orientation`.
         half_angle: Largest tilt, rad, in [0, pi/2).
         spin: `"free"`, or the largest angle about the tool axis from the path's orientation, rad.
         tool: Pose of the tool in the last link, instead of the chain's.
         torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
-        torque_margin: Share of the torque limits that is kept free.
+        torque_margin: Share of the torque limits that is kept in reserve.
         velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
-        joint_limits: Whether the position limits hold.
+        joint_limits: Whether the position limits are imposed.
         max_rate: Largest rate of the tool's orientation, rad/s.
         time_limit: Seconds after which the best plan so far is returned.
         threads: Threads; all cores when left out.
-        orientation: `(3, 3)` for the whole path, instead of its own.
+        orientation: `(3, 3)` for the whole path, instead of the path's own.
         gravity: m/s^2, world axes.
         progress: Called about 20 times a second with the share of the time and the highest speed so far (m/s).
 
@@ -3884,7 +3897,8 @@ class Cone:
     """All orientations whose body axis lies within a half-angle of a direction; the spin about the axis is free.
 
     The margin is `(direction . R(q) body_axis - cos half_angle) / 2`, the paper's `eta^2 - q1^2 - q2^2`
-    [FromGravdahl2009, eqs. (15), (23), (33)]. `q` is a unit quaternion `(w, x, y, z)`, `(4,)` or `(N, 4)`.
+    [FromGravdahl2009, eqs. (15), (23), (33)]. `q` is a unit quaternion `(w, x, y, z)`, `(4,)` or `(N, 4)`. For
+    samples and nearest members take `QuaternionVolume.cone(body_axis, half_angle, direction)`, the same set.
 
     Args:
         body_axis: `(3,)`, in the body frame, of any length.
@@ -3944,14 +3958,14 @@ class Cone:
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
         """Smooth margin, positive inside: a float, or `(N,)` for a batch.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def gradient(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Gradient of the margin along rotation vectors in body axes, 1/rad: `(3,)` or `(N, 3)`.
@@ -3960,14 +3974,14 @@ class Cone:
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def hessian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def __and__(self, other: Cone | QuaternionVolume | OrientationSet, /) -> OrientationSet:
         """The intersection with another set, an `OrientationSet`."""
@@ -3981,11 +3995,11 @@ class Cone:
 
 @final
 class Spin:
-    """All orientations turned about a body axis by at most an angle from a reference; its direction is free.
+    """All orientations with at most a given twist about a body axis from a reference; the axis may point anywhere.
 
     With `r = conj(reference) * q` and `r3` its part along the axis the margin is `kappa^2 - (r3 / r0)^2`,
-    `kappa = tan(max_angle / 2)` [FromGravdahl2009, eqs. (20), (46)]. Where the axis is turned by half a turn
-    the spin is undefined and counts as far outside: for a tool that points down the reference must too.
+    `kappa = tan(max_angle / 2)` [FromGravdahl2009, eqs. (20), (46)]. If the axis is turned over by half a turn, the
+    spin is undefined and counts as far outside; so for a tool that points down, the reference must point down too.
 
     Args:
         reference: `(4,)`, unit quaternion `(w, x, y, z)`.
@@ -4005,7 +4019,7 @@ class Spin:
     def __new__(cls, reference: ArrayLike, max_angle: float, axis: ArrayLike | None = None) -> Spin: ...
     @staticmethod
     def about_world_axis(reference: ArrayLike, max_angle: float, axis: ArrayLike) -> Spin:
-        """The same about an axis given in the frame that `reference` is measured in.
+        """The same with the axis given in the frame in which `reference` is given.
 
         Args:
             reference: Unit quaternion `(4,)` from which the twist is measured.
@@ -4022,18 +4036,18 @@ class Spin:
     def axis(self) -> NDArray[np.float64]:
         """Unit axis in the body frame, `(3,)`."""
     def twist(self, q: ArrayLike, *, threads: int | None = None) -> Any:
-        """Twist against the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`.
+        """Twist relative to the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
         """Smooth margin, positive inside: a float, or `(N,)` for a batch.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def gradient(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Gradient of the margin along rotation vectors in body axes, 1/rad: `(3,)` or `(N, 3)`.
@@ -4042,14 +4056,14 @@ class Spin:
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def hessian(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Hessian of the margin along rotation vectors in body axes, 1/rad^2: `(3, 3)` or `(N, 3, 3)`.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -4103,8 +4117,8 @@ class QuaternionVolume:
     def cone(axis: ArrayLike, half_angle: float, direction: ArrayLike | None = None) -> QuaternionVolume:
         """Orientations whose body axis `axis` is within `half_angle` (rad) of `direction`.
 
-        Without `direction` it is `axis` itself, where the identity puts it. The cone around -z is then the one
-        around z: for a tool z axis that points down give `cone([0, 0, 1], half_angle, [0, 0, -1])`.
+        `direction` is `axis` by default, so the cone is around the identity, and the cone of -z is that of z. For a
+        tool z axis that points down give `cone([0, 0, 1], half_angle, [0, 0, -1])`.
 
         Args:
             axis: `(3,)`, body axes, of any length.
@@ -4116,7 +4130,7 @@ class QuaternionVolume:
         """Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost.
 
         Args:
-            axes: `(k, 3)`, k from 1 to 3.
+            axes: `(k, 3)`, k at least 1.
             lower: `(k,)`, rad.
             upper: `(k,)`, rad.
         """
@@ -4128,47 +4142,48 @@ class QuaternionVolume:
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            tol: How far outside still counts, rad, or in the margin's unit of a cone.
-            threads: Threads for a batch; all cores when left out.
+            tol: How far outside still counts as a member, rad (for a cone in the unit of its margin).
+            threads: Threads for a batch; all cores by default.
         """
     def margin(self, q: ArrayLike, *, threads: int | None = None) -> Any:
         """Signed margin, >= 0 inside: a float, or `(N,)`.
 
-        For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`; pi without any bound,
-        and minus the angle (rad) from a set of fewer than three rotations when `q` is off it. With more than three
-        rotations, which write `q` in a family of ways, of the way that stays farthest from the bounds (to 1e-9 rad).
+        For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`. It is pi without any bound,
+        and minus the angle (rad) to the set if there are fewer than three rotations and `q` is outside. With more
+        than three rotations there are many ways to write `q`; the margin is that of the way that stays farthest from
+        the bounds (to 1e-9 rad).
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def angles(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Angles of `q` in the sequence, rad, `(k,)` or `(N, k)`; for a cone the ZYZ angles seen from its axis.
 
-        Of the ways to write `q` the one that stays farthest from the bounds.
+        If there are several ways to write `q`, the one that stays farthest from the bounds.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def at(self, angles: ArrayLike) -> NDArray[np.float64]:
         """The orientation `(w, x, y, z)` at the angles `(k,)`, rad; bounds are not applied."""
     def visualising(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """Visualising quaternion `(cos psi/2, sin(psi/2) z)` [FromGravdahl2007, eq. (8)]: `(4,)` or `(N, 4)`.
 
-        `z` is the rotated last axis (of a cone its axis), `psi` the rotation about it: with `q` it makes the pair
-        (Q, V) of the paper.
+        `z` is the rotated last axis (of a cone its axis), `psi` the rotation about it. Together with `q` it is the
+        pair (Q, V) of the paper.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def nearest(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """The member nearest to `q`, on its side of the double cover: `(4,)` or `(N, 4)`.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def reoriented(self, p: ArrayLike, side: Literal["left", "right"] = "left") -> QuaternionVolume:
         """`P * V` (left: the set moves in the reference frame) or `V * P` (right: another body frame).
@@ -4178,15 +4193,15 @@ class QuaternionVolume:
             side: `"left"` or `"right"`.
         """
     def sample(self, n: int, seed: int = 0) -> NDArray[np.float64]:
-        """`n` members `(n, 4)`, uniform with respect to the invariant measure; the same seed, the same bits."""
+        """`n` members `(n, 4)`, uniform with respect to the invariant measure; the same seed gives the same bits."""
     def cross_section(self, distance: float, along: Literal["tool", "normal"] = "tool") -> CrossSection:
-        """Where the tool axis z meets the plane at `distance` across its undisturbed direction.
+        """Region in which the tool axis z meets the plane at `distance`, perpendicular to the axis at zero tilt.
 
         Extents are `distance * sin(tilt)` for a distance along the tool, `distance * tan(tilt)` for one along the
         plane's normal [FromGravdahl2007, section 8, corrected].
 
         Raises:
-            RedundancyError: a tilt of 90 degrees or more, or a volume whose section has no name.
+            RedundancyError: a tilt of 90 degrees or more, or a volume whose section has another shape.
         """
     @staticmethod
     def _restore(
@@ -4211,10 +4226,9 @@ class QuaternionVolume:
 class OrientationSet:
     """Intersections and unions of cones and quaternion volumes: `A & B`, `A | B`.
 
-    Membership, margin, nearest member and uniform samples of what several sets have in common, or hold together. Made
-    by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The
-    papers define the parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`,
-    `(4,)` or `(N, 4)`.
+    Membership, margin, nearest member and uniform samples of the intersection or the union. Made by `&` and `|` of
+    `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The papers define the
+    parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
 
     Example:
         >>> import redundancy as rd
@@ -4231,7 +4245,7 @@ class OrientationSet:
         """`"and"` (an intersection) or `"or"` (a union)."""
     @property
     def parts(self) -> list[Cone | QuaternionVolume | OrientationSet]:
-        """What it is made of: cones, volumes and sets of the other operation."""
+        """The parts: cones, volumes and sets of the other operation."""
     def contains(self, q: ArrayLike, tol: float = 1e-9, *, threads: int | None = None) -> Any:
         """Whether `q` is a member: of all parts of an intersection, of one part of a union.
 
@@ -4264,9 +4278,10 @@ class OrientationSet:
     def nearest(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """The member nearest to `q`, on its side of the double cover; `q` itself when it is a member.
 
-        Of a union of volumes and cones it is the nearest of the parts'. Of an intersection it is the best of a local
-        search: the nearest member of one part where that lies in the others, else a point on an edge between parts,
-        found by alternating projections. A nearer member may exist elsewhere, where the set is not convex.
+        For a union of volumes and cones it is the nearest of the parts' nearest members. For an intersection it is
+        the result of a local search: the nearest member of one part if that lies in the others, otherwise a point on
+        an edge between parts, found by alternating projections. Since the set need not be convex, a nearer member may
+        exist elsewhere.
 
         Args:
             q: `(w, x, y, z)`, `(4,)` or `(N, 4)`, unit norm.
@@ -4276,7 +4291,7 @@ class OrientationSet:
             `(4,)` or `(N, 4)`.
 
         Raises:
-            RedundancyError: A quaternion that is not of unit norm; an intersection of which no member is found.
+            RedundancyError: A quaternion that is not of unit norm; an intersection in which no member is found.
         """
     def sample(self, n: int, seed: int = 0) -> NDArray[np.float64]:
         """Members, uniform with respect to the invariant measure of rotations.
@@ -4289,7 +4304,7 @@ class OrientationSet:
             `(n, 4)`, `(w, x, y, z)`.
 
         Raises:
-            RedundancyError: No member among 200 000 draws: the set is empty, or too small beside its parts.
+            RedundancyError: No member among 200 000 draws: the set is empty, or much smaller than its parts.
         """
     def reoriented(self, p: ArrayLike, side: Literal["left", "right"] = "left") -> OrientationSet:
         """`P * A` (left: the set moves in the reference frame) or `A * P` (right: another body frame).
@@ -4315,7 +4330,7 @@ class OrientationSet:
 
 @final
 class CrossSection:
-    """Where the tool axis of a volume can meet a plane."""
+    """Region in which the tool axis of a volume can meet a plane."""
 
     def __new__(cls, shape: str, x: Sequence[float], y: Sequence[float]) -> CrossSection: ...
     @property
@@ -4337,17 +4352,17 @@ class OrientationOptimizer:
 
     Minimises `sum_i weight_i * -log(margin_i(q))` [FromGravdahl2009, eqs. (27), (34), (43), (46)].
 
-    Where the minimiser is not unique (the spin about a common axis of cones) the one that the least rotation
-    reaches from `q0` is returned, so that a path whose solutions are passed on as `q0` is continuous; without `q0`
-    it is `swing(u -> z) * [0, 0, 1, 0]` for a first cone around `u`, down.
+    If the minimiser is not unique (the spin about a common axis of cones), the one that the smallest rotation reaches
+    from `q0` is returned, so that orientations along a path are continuous if each solution is the next `q0`. Without
+    `q0` and with a first cone around `u` that points down it is `swing(u -> z) * [0, 0, 1, 0]`.
 
     Args:
         constraints: pairs (weight, constraint), weight > 0, constraint a `Cone`, a `Spin` or a cone
             `QuaternionVolume`.
-        method: `auto` takes the closed form where it applies (one or two cones on one body axis below 90 degrees,
-            with or without a spin about it; a spin alone), else Newton. `closed_form` leaves cones of 90 degrees and
-            more to Newton and refuses other problems. `newton` is Riemannian Newton on S^3, `gradient` the paper's
-            method, normalised in every iteration.
+        method: `auto` takes the closed form if it applies (one or two cones on one body axis below 90 degrees, with
+            or without a spin about it; a spin alone), otherwise Newton's method. `closed_form` uses Newton's method
+            for cones of 90 degrees and more and refuses other problems. `newton` is Riemannian Newton on S^3,
+            `gradient` the paper's method, normalised in every iteration.
         tolerance: Estimated remaining angle, rad, at which the iteration stops. None: 1e-13, gradient 1e-10.
         max_iterations: None: 200, gradient 10 000.
         step: Step of `gradient` in the paper's quaternion units. None: from the cones' sizes.
@@ -4382,24 +4397,24 @@ class OrientationOptimizer:
     def constraints(self) -> list[tuple[float, Cone | Spin]]:
         """The pairs (weight, constraint)."""
     def solve(self, q0: ArrayLike | None = None) -> OrientationSolution:
-        """The minimiser, by iterations from `q0` `(w, x, y, z)` or, where it is outside, from a start that is searched.
+        """The minimiser, iterated from `q0` `(w, x, y, z)` or, if it is outside, from a feasible start.
 
-        Constraints that exclude each other give the status `infeasible` and the angle by which they miss, never an
-        exception.
+        Constraints that exclude each other give the status `infeasible` and the angle by which they miss each other,
+        not an exception.
         """
     def value(self, q: ArrayLike, *, threads: int | None = None) -> Any:
         """The sum at `q`, infinite outside: a float, or `(N,)`.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def margins(self, q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
         """The margins at `q` in the order of the constraints: `(k,)` or `(N, k)`.
 
         Args:
             q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-            threads: Threads for a batch; all cores when left out.
+            threads: Threads for a batch; all cores by default.
         """
     def gradient(self, q: ArrayLike) -> NDArray[np.float64]:
         """Gradient of the sum along rotation vectors in body axes, 1/rad, `(3,)`. Raises outside.
@@ -4421,7 +4436,7 @@ class OrientationSolution:
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """Orientation `(w, x, y, z)`; when infeasible the one that exceeds the constraints least."""
+        """Orientation `(w, x, y, z)`; when infeasible the one with the smallest violation."""
     @property
     def value(self) -> float:
         """Sum of weight x barrier, without a unit; infinite when infeasible."""
@@ -4470,18 +4485,19 @@ def optimal_directions(
     *,
     threads: int | None = None,
 ) -> tuple[NDArray[np.float64], Any]:
-    """The best tool directions between cones around many pairs of directions.
+    """The best tool axes for many pairs of directions, each with a cone around it.
 
     Row i minimises `-k_err log((z . n - cos beta)/2) - k_tcp log((z . d - cos alpha)/2)` over unit vectors z
-    [FromGravdahl2009, eq. (34)]; where the cones miss each other it is the middle of the gap. Runs on all cores
-    without the GIL; the result does not depend on their number.
+    [FromGravdahl2009, eq. (34)]; if the cones miss each other, z is the middle of the gap. Runs on all cores without
+    the GIL; the result does not depend on their number.
 
     Args:
         normals: `(N, 3)` or `(3,)` for all rows, of any length: directions that the tool axis should follow. For a
             tool that looks at a surface they point into it.
-        directions: `(N, 3)` or `(3,)`: the wanted directions.
+        directions: `(N, 3)` or `(3,)`: the desired directions.
         beta: Half-angle around the normals, rad, in (0, pi).
-        alpha: Half-angle around the wanted directions, rad, in (0, pi). From pi/2 on rows are solved by Newton.
+        alpha: Half-angle around the desired directions, rad, in (0, pi). From pi/2 on, rows are solved by Newton's
+            method.
         k_err: Weight of the first barrier, > 0.
         k_tcp: Weight of the second barrier, > 0.
         threads: Number of threads; None: all cores.
@@ -4521,7 +4537,7 @@ def pose(
 
     Raises:
         RedundancyError: More than one orientation, wrong shapes, numbers that are not finite; a quaternion or matrix
-            that is farther off, or a reflection, with the measured value.
+            that is farther off, or a reflection (the message gives the deviation).
 
     Example:
         >>> import redundancy as rd
@@ -4530,12 +4546,14 @@ def pose(
     """
 
 def quaternion_product(a: ArrayLike, b: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """`a * b`: the rotation b and then, about axes that stand, a. `(4,)` or `(N, 4)` each; one counts for many.
+    """`a * b`: the rotation b and then, about fixed axes, a.
+
+    Arguments are `(4,)` or `(N, 4)`; a single quaternion is used for all rows.
 
     Args:
         a: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
         b: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_conjugate(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
@@ -4543,16 +4561,16 @@ def quaternion_conjugate(q: ArrayLike, *, threads: int | None = None) -> NDArray
 
     Args:
         q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_rotate(q: ArrayLike, v: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
-    """Vectors `(3,)` or `(N, 3)` turned by `(4,)` or `(N, 4)`; one counts for many.
+    """Vectors `(3,)` or `(N, 3)` rotated by `(4,)` or `(N, 4)`; a single one is used for all rows.
 
     Args:
         q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
         v: `(3,)` or `(N, 3)`, any unit.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_from_axis_angle(
@@ -4563,15 +4581,15 @@ def quaternion_from_axis_angle(
     Args:
         axis: `(3,)` or `(N, 3)`, of any length.
         angle: A number or `(N,)`, rad.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_to_axis_angle(q: ArrayLike, *, threads: int | None = None) -> tuple[NDArray[np.float64], Any]:
-    """Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of no rotation is z.
+    """Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of the identity is z.
 
     Args:
         q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_from_matrix(matrix: ArrayLike | Any, *, threads: int | None = None) -> NDArray[np.float64]:
@@ -4582,7 +4600,7 @@ def quaternion_from_matrix(matrix: ArrayLike | Any, *, threads: int | None = Non
 
     Args:
         matrix: Rotations `(3, 3)` or `(N, 3, 3)`.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_to_matrix(q: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
@@ -4590,7 +4608,7 @@ def quaternion_to_matrix(q: ArrayLike, *, threads: int | None = None) -> NDArray
 
     Args:
         q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
     """
 
 def quaternion_from_zyz(angles: ArrayLike, *, threads: int | None = None) -> NDArray[np.float64]:
@@ -4598,7 +4616,7 @@ def quaternion_from_zyz(angles: ArrayLike, *, threads: int | None = None) -> NDA
 
     Args:
         angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
 
     Returns:
         `(4,)` or `(N, 4)`.
@@ -4609,7 +4627,7 @@ def quaternion_to_zyz(q: ArrayLike, *, threads: int | None = None) -> NDArray[np
 
     Args:
         q: Unit quaternions `(4,)` or `(N, 4)`.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
 
     Returns:
         `(3,)` or `(N, 3)`, rad.
@@ -4620,7 +4638,7 @@ def quaternion_from_xyz(angles: ArrayLike, *, threads: int | None = None) -> NDA
 
     Args:
         angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
 
     Returns:
         `(4,)` or `(N, 4)`.
@@ -4631,7 +4649,7 @@ def quaternion_to_xyz(q: ArrayLike, *, threads: int | None = None) -> NDArray[np
 
     Args:
         q: Unit quaternions `(4,)` or `(N, 4)`.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
 
     Returns:
         `(3,)` or `(N, 3)`, rad.
@@ -4642,7 +4660,7 @@ def quaternion_from_rpy(angles: ArrayLike, *, threads: int | None = None) -> NDA
 
     Args:
         angles: `(3,)` or `(N, 3)` angles (phi, theta, psi), rad.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
 
     Returns:
         `(4,)` or `(N, 4)`.
@@ -4653,7 +4671,7 @@ def quaternion_to_rpy(q: ArrayLike, *, threads: int | None = None) -> NDArray[np
 
     Args:
         q: Unit quaternions `(4,)` or `(N, 4)`.
-        threads: Threads for a batch; all cores when left out.
+        threads: Threads for a batch; all cores by default.
 
     Returns:
         `(3,)` or `(N, 3)`, rad.
@@ -4668,7 +4686,7 @@ def quaternion_swing_twist(q: ArrayLike, axis: ArrayLike) -> tuple[NDArray[np.fl
     """
 
 def quaternion_shortest_arc(start: ArrayLike, end: ArrayLike) -> NDArray[np.float64]:
-    """The least rotation from one direction to another; between antipodes half a turn, for z about y.
+    """The smallest rotation from one direction to another; between opposite directions half a turn, for z about y.
 
     Args:
         start: `(3,)`, of any length.
@@ -4695,9 +4713,9 @@ def quaternion_angle(a: ArrayLike, b: ArrayLike) -> float:
 
 @final
 class Classification:
-    """What a configuration is to a criterion among the configurations with the same task value.
+    """What kind of point a configuration is for a criterion, among the configurations with the same task value.
 
-    Pickles.
+    Can be pickled.
     """
 
     @property
@@ -4733,7 +4751,7 @@ class Classification:
 def classify(
     chain: Chain, q: list[float] | tuple[float, ...], criterion: Criterion, task: str | Task | None = None
 ) -> Classification:
-    """What `q` is to `criterion` among the configurations with the same task value.
+    """What kind of point `q` is for `criterion`, among the configurations with the same task value.
 
     With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
     `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
@@ -4742,8 +4760,8 @@ def classify(
     Args:
         chain: The arm.
         q: `(n,)`, or `(N, n)` for a list of results.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
 
     Raises:
         RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
@@ -4758,7 +4776,7 @@ def classify(
 
 @overload
 def classify(chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task | None = None) -> Any:
-    """What `q` is to `criterion` among the configurations with the same task value.
+    """What kind of point `q` is for `criterion`, among the configurations with the same task value.
 
     With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
     `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
@@ -4767,8 +4785,8 @@ def classify(chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task 
     Args:
         chain: The arm.
         q: `(n,)`, or `(N, n)` for a list of results.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
 
     Raises:
         RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
@@ -4783,11 +4801,11 @@ def classify(chain: Chain, q: ArrayLike, criterion: Criterion, task: str | Task 
 
 @final
 class CriticalPoint:
-    """A critical point of a criterion over a pose. Pickles."""
+    """A critical point of a criterion for a pose. Can be pickled."""
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """`(n,)`: revolute joints in principal values, unless that breaks a limit and another winding does not."""
+        """`(n,)`: revolute joints in principal values, unless these violate a limit and another winding does not."""
 
     @property
     def value(self) -> float:
@@ -4803,11 +4821,11 @@ class CriticalPoint:
 
     @property
     def eigenvalues(self) -> NDArray[np.float64]:
-        """`(r,)`, as of `Classification`."""
+        """`(r,)`, as for `Classification`."""
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
-        """`(m,)`, as of `Classification`."""
+        """`(m,)`, as for `Classification`."""
 
     @property
     def residual(self) -> float:
@@ -4841,14 +4859,14 @@ def constrained_optima(
     With one spare freedom the self-motion curves are followed and every zero of the slope is polished by Newton; on
     S-R-S arms the curves are the circles of the closed form, so that none is missed, on other arms they are found
     from random starts. With more spare freedoms Newton's method runs from random starts. Points outside joint limits
-    are reported with `within_limits` False; kinematic singularities are no critical points.
+    are reported with `within_limits` False; kinematic singularities are not critical points.
 
     Args:
         chain: The arm.
         pose: A pose; for `planar` also `(2,)`, for `position` also `(3,)`.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
-        seed: Of the random starts.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
+        seed: Seed of the random starts.
         starts: Number of random starts; default 100.
         step: Largest joint step between the points of a curve at which the slope is computed; default 0.1.
 
@@ -4865,7 +4883,7 @@ def constrained_optima(
 
 @final
 class CofactorCondition:
-    """The sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Pickles."""
+    """Sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Can be pickled."""
 
     def __new__(cls, n: ArrayLike, mu: float, condition: float) -> CofactorCondition: ...
     @property
@@ -4888,8 +4906,8 @@ def cofactor_condition(
     Args:
         chain: The arm.
         q: Joint positions `(n,)`, rad or m.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
 
     Raises:
         RedundancyError: a task that leaves another number of freedoms, a wrong length, entries that are not finite.
@@ -4904,7 +4922,7 @@ def cofactor_condition(
 
 @final
 class SelfMotionCurve:
-    """A curve of configurations with one task value, by continuation. Pickles.
+    """A curve of configurations with one task value, by continuation. Can be pickled.
 
     The parameter s is the length of the curve in joint space from the first row.
     """
@@ -4915,7 +4933,7 @@ class SelfMotionCurve:
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """`(N, n)`: joint configurations that change continuously: not wound back into their limits on the way.
+        """`(N, n)`: joint configurations that change continuously; they are not shifted back into the limits.
 
         On a closed curve the last row is the first one plus whole turns.
         """
@@ -4952,7 +4970,7 @@ class SelfMotionCurve:
         """
 
     def intervals(self, margin: float = 0.0) -> NDArray[np.float64]:
-        """Arcs `(k, 2)` of s on which all joint limits hold in some winding, with `margin` from each.
+        """Arcs `(k, 2)` of s on which all joint limits hold in some winding, with a distance of `margin` from each.
 
         An arc through the start of a closed curve ends above its length: s is inside an arc `[lo, hi]` when
         `(s - lo) mod length <= hi - lo`.
@@ -4983,17 +5001,17 @@ def trace_self_motion(
     step: float | None = None,
     max_rows: int | None = None,
 ) -> SelfMotionCurve:
-    """The self-motion through `q`: all configurations with the same task value that can be reached from it.
+    """The self-motion through `q`: all configurations with the same task value that are connected with it.
 
-    By predictor and corrector, for any chain with one spare freedom under the task. Passes folds; ends where the curve
-    closes or at kinematic singularities (then both directions are followed).
+    By prediction and correction, for any chain with one spare freedom under the task. Passes points where a joint
+    turns back; ends where the curve closes or at kinematic singularities (then both directions are followed).
 
     Args:
         chain: The arm.
         q: `(n,)`.
-        task: What is held; default the pose.
+        task: Which coordinates are kept; the pose by default.
         step: Largest joint step between rows; default 0.01.
-        max_rows: Rows after which the curve is given up; default 200 000.
+        max_rows: Rows after which following the curve is stopped; default 200 000.
 
     Raises:
         RedundancyError: a wrong length, entries that are not finite, not exactly one spare freedom, invalid settings.
@@ -5018,16 +5036,17 @@ def self_motion_curves(
 ) -> list[SelfMotionCurve]:
     """Every self-motion curve found over `pose`.
 
-    On S-R-S arms the circles of the closed form: all there are. On other arms curves through the configurations that
-    Newton's method finds from random starts. Arguments as of `trace_self_motion` and `constrained_optima`.
+    For S-R-S arms these are the circles of the closed form, which are complete. For other arms they are the curves
+    through the configurations that Newton's method finds from random starts. Arguments are as for `trace_self_motion`
+    and `constrained_optima`.
 
     Args:
         chain: The arm.
         pose: `(4, 4)` or SE3-like, or what the task holds of it.
-        task: Which coordinates are held; default the pose.
-        seed: Decides the random starts.
+        task: Which coordinates are kept; the pose by default.
+        seed: Seed of the random starts.
         starts: Their number.
-        step: Distance of rows in joint space, as of `trace_self_motion`.
+        step: Distance of rows in joint space, as for `trace_self_motion`.
         max_rows: Most rows of a curve.
 
     Raises:
@@ -5048,12 +5067,12 @@ def self_motion_patch(
     Args:
         chain: The arm; the task leaves two freedoms.
         q: `(n,)`, the middle of the patch.
-        task: What is held; default the pose.
+        task: Which coordinates are kept; the pose by default.
         spacing: Distance of neighbours along the two null directions of `q`, in (0, 0.5].
         steps: Points on each side of the middle, at most 500.
 
     Returns:
-        Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; those that were not repeat `q`.
+        Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; where not, the entry is `q`.
 
     Raises:
         RedundancyError: a wrong length, entries that are not finite, not exactly two spare freedoms, invalid settings.
@@ -5068,21 +5087,21 @@ def self_motion_patch(
 
 @final
 class FollowedOptimum(Plan):
-    """A critical point followed along a path: a plan with one row per path point up to its stop. Pickles.
+    """A critical point followed along a path: a plan with one row per path point up to its stop. Can be pickled.
 
-    The last event of one that stopped is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is the
-    path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints leave
-    their limits or return. `status` is `converged` when the path was finished within the limits, `singular` at a stop,
-    `limits` where a joint breaks a position limit, or a speed limit at the path's times.
+    If it stopped early, the last event is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is
+    the path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints
+    leave their limits or return. `status` is `converged` if the path was completed within the limits, `singular` if
+    it stopped early, `limits` if a joint violates a position limit, or a speed limit at the path's times.
     """
 
     @property
     def kind(self) -> Kind:
-        """What the critical point is; the same all along."""
+        """Kind of the critical point; the same along the whole path."""
 
     @property
     def completed(self) -> bool:
-        """Whether the path was finished."""
+        """Whether the path was completed."""
 
     @property
     def values(self) -> NDArray[np.float64]:
@@ -5123,20 +5142,20 @@ def follow_optimum(
 ) -> FollowedOptimum:
     """Follows the critical point of `criterion` next to `q0` along `path`: the extended Jacobian, exactly.
 
-    Every row lies on the path and on the critical locus to rounding, so closed paths are closed in the joints. It stops
-    where the critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses
-    rank (kinematic singularity), and never jumps across.
+    Every row is on the path and critical to rounding, so closed paths are closed in the joints. It stops where the
+    critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses rank
+    (kinematic singularity), and never jumps across such a point.
 
     Args:
         chain: The arm.
-        path: What the tool does; without orientations for `position` and `planar`.
-        q0: `(n,)`: a critical point over the path's start, to about 0.02 rad; see `constrained_optima`.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
+        path: Path of the tool; for `position` and `planar` it needs no orientations.
+        q0: `(n,)`: a critical point for the start of the path, to about 0.02 rad; see `constrained_optima`.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
         step: Largest step in the joints, from 1e-4 to 0.5; default 0.05.
 
     Raises:
-        RedundancyError: a `q0` that is no critical point over the start, a path without the orientations that the
+        RedundancyError: a `q0` that is not a critical point for the start, a path without the orientations that the
             task needs, a task that leaves no spare freedom, invalid settings.
 
     Example:
@@ -5151,7 +5170,7 @@ def follow_optimum(
 
 @final
 class RankedStart:
-    """A critical point at a path's start, and how far it can be followed. Pickles."""
+    """A critical point at a path's start, and how far it can be followed. Can be pickled."""
 
     def __new__(cls, point: CriticalPoint, trajectory: FollowedOptimum) -> RankedStart: ...
     @property
@@ -5172,22 +5191,22 @@ class RankedStart:
 
     @property
     def completed(self) -> bool:
-        """Whether the path is finished from here.
+        """Whether the path is completed from here.
 
-        False as well where a joint leaves its limits on the way: `status` and `reason` say so.
+        Also False if a joint leaves its limits: `status` and `reason` say so.
         """
 
     @property
     def status(self) -> Status:
-        """`converged`, `singular` where the critical point vanishes, `limits` where a joint breaks a limit."""
+        """`converged`, `singular` if the critical point vanishes, `limits` if a joint violates a limit."""
 
     @property
     def reason(self) -> str:
-        """What keeps it from completing the path; empty when it does."""
+        """Why the path is not completed; empty if it is."""
 
     @property
     def trajectory(self) -> FollowedOptimum:
-        """What following it gave."""
+        """The critical point followed along the path."""
 
 def rank_starts(
     chain: Chain,
@@ -5200,20 +5219,20 @@ def rank_starts(
     step: float | None = None,
     threads: int | None = None,
 ) -> RankedStarts:
-    """Follows every critical point over the start of `path`.
+    """Follows every critical point for the start of `path`, and sorts them.
 
-    Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-    those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
-    with `status` and `reason`: why it is empty, or why no start completes the path.
+    First come those that complete the path, ordered by whether they are of the kind that the criterion asks for, then
+    by value; next those that stop, the one that gets farthest first; last those that leave the joint limits. The
+    result is a list with `status` and `reason`: why it is empty, or why no start completes the path.
 
     Args:
         chain: The arm.
-        path: What the tool does.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
-        seed: As of `constrained_optima`.
-        starts: As of `constrained_optima`.
-        step: As of `follow_optimum`.
+        path: Path of the tool.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
+        seed: As for `constrained_optima`.
+        starts: As for `constrained_optima`.
+        step: As for `follow_optimum`.
         threads: Number of threads; None: all cores.
 
     Raises:
@@ -5230,7 +5249,7 @@ def rank_starts(
 
 @final
 class SingularPoint:
-    """A configuration at which a critical point vanishes: an algorithmic singularity. Pickles."""
+    """A configuration at which a critical point vanishes: an algorithmic singularity. Can be pickled."""
 
     def __new__(
         cls,
@@ -5271,16 +5290,17 @@ def algorithmic_singularities(
 ) -> list[SingularPoint]:
     """Where critical points of `criterion` vanish, for any value of the task.
 
-    The equations `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do
-    not depend on the first joint the points are isolated, each a circle about the base; else they are samples.
+    Solves `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do not
+    depend on the first joint, the points are isolated, and each stands for a circle about the base; otherwise they
+    are samples of a set.
 
     Args:
         chain: The arm.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
-        seed: Of the random starts.
-        starts: Most random starts; default 2000. Isolated points count as complete when three in four starts, and at
-            least 256, have found nothing new.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
+        seed: Seed of the random starts.
+        starts: Most random starts; default 2000. The search for isolated points ends when three quarters of the
+            starts, and at least 256, have found nothing new.
         threads: Number of threads; None: all cores. The result does not depend on it.
 
     Raises:
@@ -5295,19 +5315,21 @@ def algorithmic_singularities(
 
 @final
 class SingularityCurve:
-    """Configurations at which critical points vanish, in order. Pickles; `len()` is the number of rows."""
+    """Configurations at which critical points vanish, in order. Can be pickled; `len()` is the number of rows."""
 
     def __new__(cls, q: NDArray[np.float64], closed: bool, first_joint_free: bool) -> SingularityCurve: ...
     @property
     def q(self) -> NDArray[np.float64]:
-        """`(N, n)`: joints run on beyond half a turn where whole turns make no difference to the criterion.
+        """`(N, n)`: configurations.
+
+        Joints change continuously, beyond half a turn where whole turns make no difference to the criterion.
 
         The first joint is zero where it is free. The last row of a closed curve is the first one, up to whole turns.
         """
 
     @property
     def closed(self) -> bool:
-        """Whether it ends where it began.
+        """Whether the curve is closed.
 
         An open curve ends where the arm is singular, where it crosses another one, or, for criteria of joint values,
         where a joint changes its winding.
@@ -5336,10 +5358,10 @@ def singularity_curves(
 
     Args:
         chain: The arm.
-        criterion: What is small or large.
-        task: Which coordinates are held; default the pose.
+        criterion: The criterion.
+        task: Which coordinates are kept; the pose by default.
         step: Largest step between rows, rad or m.
-        seed: Of the random starts.
+        seed: Seed of the random starts.
         starts: Number of random starts; default 2000.
         threads: Number of threads; None: all cores. The result does not depend on it.
 

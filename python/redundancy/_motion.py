@@ -118,12 +118,14 @@ def lines(about: dict[str, Any]) -> list[str]:
     out = []
     if about.get("violations"):
         word = "1 error" if about["violations"] == 1 else f"{about['violations']} errors"
-        out.append(f"as timed the motion cannot be run, {word}; the first: {about['first_violations'][0]}")
+        out.append(
+            f"the motion violates limits with these times, {word}; the first: {about['first_violations'][0]}"
+        )
         if about["times"] == "path":
-            out.append("these are the path's own times; --retime replaces them")
+            out.append("the times are those of the path; --retime replaces them")
     if about.get("acceleration_limits_assumed") and about["times"] == "retimed":
         out.append(
-            f"the arm has no acceleration limits: {SECONDS_TO_SPEED} s from rest to the speed limit is assumed"
+            f"the arm has no acceleration limits; assumed: {SECONDS_TO_SPEED} s from rest to the speed limit"
         )
     return out
 

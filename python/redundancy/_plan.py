@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 import redundancy as rd
 from redundancy import _motion, plot_plan
 
+SHOWN_ANGLE = 1e-6
+"""Tilt and spin that the terminal shows, rad: less is rounding."""
+
 # What `plan` leaves behind.
 RESULTS = (
     "trajectory.csv",
@@ -155,9 +158,9 @@ def rows(chain: rd.Chain, plan: rd.Plan, motion: rd.Trajectory) -> list[tuple[st
         out.append(("least margin", f"{np.degrees(figures['least_margin_rad']):.2f} deg"))
     if "least_margin_m" in figures:
         out.append(("least margin of sliding joints", f"{figures['least_margin_m']:.4f} m"))
-    if plan.tilt is not None and np.any(plan.tilt):
+    if plan.tilt is not None and np.abs(plan.tilt).max() > SHOWN_ANGLE:
         out.append(("largest tilt", f"{np.degrees(np.linalg.norm(plan.tilt, axis=1).max()):.2f} deg"))
-    if plan.spin is not None and np.any(plan.spin):
+    if plan.spin is not None and np.abs(plan.spin).max() > SHOWN_ANGLE:
         low, high = np.degrees(plan.spin.min()), np.degrees(plan.spin.max())
         out.append(("spin", f"{low:.1f} to {high:.1f} deg"))
     if plan.reconfigurations:

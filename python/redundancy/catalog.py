@@ -1,4 +1,4 @@
-"""Arms that are compiled in, each with the source of its numbers.
+"""The built-in catalogue of arms.
 
 | name | arm | joints | limits | inertias |
 |---|---|---|---|---|

@@ -1,10 +1,10 @@
 """Rules that give a tool orientation from the position on the surface alone.
 
 Each function returns a callable from positions `(N, 3)` (m, world frame, z normal to the surface) to rotations
-`(N, 3, 3)`; `max_speed` takes it as `orientation_rule`. The surface (`center` and `half_extents` or `radius`, m) is the
-one around the positions of the call unless it is given; with it, positions may come one at a time. `orientation`
-`(3, 3)` is that of a tool without freedom; by default the tool axis (z) points down, `Ry(pi)`. The formulas and what
-the papers left open are in docs/painting.md.
+`(N, 3, 3)`; `max_speed` takes it as `orientation_rule`. The surface (`center` and `half_extents` or `radius`, m) is by
+default the one that encloses the positions of the call; if it is given, positions may be passed one at a time.
+`orientation` `(3, 3)` is the nominal orientation of the tool; by default the tool axis (z) points down, `Ry(pi)`.
+docs/painting.md has the formulas and what is assumed where the papers leave something open.
 """
 
 from collections.abc import Sequence
@@ -32,16 +32,16 @@ def constant(*, orientation: ArrayLike | None = None) -> OrientationRule:
     """One orientation everywhere.
 
     Args:
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
     """
     return OrientationRule("constant", orientation=orientation)
 
 
 def pointing(*, orientation: ArrayLike | None = None) -> OrientationRule:
-    """The tool turns about its axis by `atan2(y, x)` [FromGravdahl2007, section 6].
+    """The tool is rotated about its axis by `atan2(y, x)` [FromGravdahl2007, section 6].
 
     Args:
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
     """
     return OrientationRule("pointing", orientation=orientation)
 
@@ -54,16 +54,16 @@ def tilt_square(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """The tool leans by up to `angle` (rad) along x and along y, so that the wrist stays near the centre.
+    """The tool tilts by up to `angle` (rad) along x and along y, so that the wrist stays near the centre.
 
-    [FromGravdahl2007, sections 7 and 8]: `Rx(e_y) Ry(-e_x)` with leans in proportion to the offset from the centre.
+    [FromGravdahl2007, sections 7 and 8]: `Rx(e_y) Ry(-e_x)` with tilts proportional to the offset from the centre.
 
     Args:
-        angle: Largest lean, rad.
-        spin: `"pointing"`: the tool turns about its axis as by `pointing`; `"constant"`: it does not.
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
-        center: Centre of the surface (x, y), m; that of the positions when left out.
-        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
+        angle: Largest tilt, rad.
+        spin: `"pointing"`: the tool is rotated about its axis as by `pointing`; `"constant"`: it is not.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
+        center: Centre of the surface (x, y), m; by default that of the positions.
+        half_extents: Half the sides of the surface (x, y), m; by default those of the positions.
     """
     return OrientationRule(
         "tilt_square",
@@ -83,14 +83,14 @@ def tilt_disc(
     center: Sequence[float] | None = None,
     radius: float | None = None,
 ) -> OrientationRule:
-    """The tool leans by up to `angle` (rad) towards its offset from the centre [FromGravdahl2007, section 8].
+    """The tool tilts by up to `angle` (rad) towards its offset from the centre [FromGravdahl2007, section 8].
 
     Args:
-        angle: Largest lean, rad.
-        spin: `"pointing"`: the tool turns about its axis as by `pointing`; `"constant"`: it does not.
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
-        center: Centre of the surface (x, y), m; that of the positions when left out.
-        radius: Radius of the surface, m; that of the positions when left out.
+        angle: Largest tilt, rad.
+        spin: `"pointing"`: the tool is rotated about its axis as by `pointing`; `"constant"`: it is not.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
+        center: Centre of the surface (x, y), m; by default that of the positions.
+        radius: Radius of the surface, m; by default that of the positions.
     """
     return OrientationRule(
         "tilt_disc", angle=angle, spin=spin, orientation=orientation, center=center, radius=radius
@@ -108,17 +108,17 @@ def barrier_cone(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """The best tool axis between two cones, spin left as it is: V1 of [FromGravdahl2009].
+    """The best tool axis under two cone constraints, with unchanged spin: V1 of [FromGravdahl2009].
 
     Args:
-        beta: Half-angle (rad) of the cone around the tool axis without freedom.
-        alpha: Half-angle (rad) of the cone around the direction from above the centre to the position.
+        beta: Half-angle (rad) of the cone around the nominal tool axis.
+        alpha: Half-angle (rad) of the cone around the direction from a point above the centre to the position.
         k_err: Weight of the first barrier.
         k_tcp: Weight of the second barrier.
         distance: Height (m) of that point above the centre.
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
-        center: Centre of the surface (x, y), m; that of the positions when left out.
-        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
+        center: Centre of the surface (x, y), m; by default that of the positions.
+        half_extents: Half the sides of the surface (x, y), m; by default those of the positions.
     """
     return _barrier("barrier_cone", beta, alpha, k_err, k_tcp, distance, orientation, center, half_extents)
 
@@ -136,19 +136,19 @@ def barrier_two_cones(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """As `barrier_cone`, with a cone (`gamma`, `k_x`) for the tool's x: V2 of [FromGravdahl2009].
+    """As `barrier_cone`, with another cone (`gamma`, `k_x`) for the tool's x axis: V2 of [FromGravdahl2009].
 
     Args:
-        beta: Half-angle (rad) of the cone around the tool axis without freedom.
-        alpha: Half-angle (rad) of the cone around the direction from above the centre to the position.
+        beta: Half-angle (rad) of the cone around the nominal tool axis.
+        alpha: Half-angle (rad) of the cone around the direction from a point above the centre to the position.
         gamma: Half-angle (rad) of the cone for the tool's x axis.
         k_err: Weight of the first barrier.
         k_tcp: Weight of the second barrier.
         k_x: Weight of the barrier of the tool's x axis.
         distance: Height (m) of that point above the centre.
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
-        center: Centre of the surface (x, y), m; that of the positions when left out.
-        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
+        center: Centre of the surface (x, y), m; by default that of the positions.
+        half_extents: Half the sides of the surface (x, y), m; by default those of the positions.
     """
     return _barrier(
         "barrier_two_cones",
@@ -176,17 +176,17 @@ def barrier_spin(
     center: Sequence[float] | None = None,
     half_extents: Sequence[float] | None = None,
 ) -> OrientationRule:
-    """The axis of `barrier_cone` without twist against the pointing frame: V3 of [FromGravdahl2009].
+    """The axis of `barrier_cone`, without twist relative to the orientation of `pointing`: V3 of [FromGravdahl2009].
 
     Args:
-        beta: Half-angle (rad) of the cone around the tool axis without freedom.
-        alpha: Half-angle (rad) of the cone around the direction from above the centre to the position.
+        beta: Half-angle (rad) of the cone around the nominal tool axis.
+        alpha: Half-angle (rad) of the cone around the direction from a point above the centre to the position.
         k_err: Weight of the first barrier.
         k_tcp: Weight of the second barrier.
         distance: Height (m) of that point above the centre.
-        orientation: Orientation `(3, 3)` of a tool without freedom; `Ry(pi)`, the tool axis down, when left out.
-        center: Centre of the surface (x, y), m; that of the positions when left out.
-        half_extents: Half the sides of the surface (x, y), m; those of the positions when left out.
+        orientation: Nominal orientation `(3, 3)` of the tool; by default `Ry(pi)`, the tool axis down.
+        center: Centre of the surface (x, y), m; by default that of the positions.
+        half_extents: Half the sides of the surface (x, y), m; by default those of the positions.
     """
     return _barrier("barrier_spin", beta, alpha, k_err, k_tcp, distance, orientation, center, half_extents)
 

@@ -22,16 +22,16 @@ def circle(
 ) -> Path:
     """A circle, an arc or several turns.
 
-    The point at angle `phi` is `center + radius (cos phi e1 + sin phi e2)`; `(e1, e2)` is `(x, y)` carried by the
+    The point at angle `phi` is `center + radius (cos phi e1 + sin phi e2)`; `(e1, e2)` is `(x, y)` rotated by the
     shortest rotation from z to the normal. The first point is at angle `start`, the last at `start + 2 pi turns`.
 
     Args:
         center: `(3,)`, m.
         radius: m.
         start: Angle of the first point, rad.
-        turns: How many turns; negative is clockwise seen from the tip of the normal.
+        turns: Number of turns; a negative number is clockwise, seen from the tip of the normal.
         normal: `(3,)`, of any length.
-        orientation: `(3, 3)` or a pose: everywhere the same; `(n, 3, 3)`: one per sample; a callable from positions
+        orientation: `(3, 3)` or a pose: the same everywhere; `(n, 3, 3)`: one per sample; a callable from positions
             `(n, 3)` to rotations `(n, 3, 3)`; None: a path of positions.
         n: Number of samples, both ends included.
 
@@ -60,10 +60,10 @@ def raster(
     along: ArrayLike = (0.0, 1.0, 0.0),
     across: ArrayLike = (1.0, 0.0, 0.0),
 ) -> Path:
-    """Parallel strokes, there and back, joined by U-turns that lie inside the strokes' ends.
+    """Parallel strokes, there and back, joined by U-turns that do not extend beyond their ends.
 
-    A U-turn is two corners of 90 degrees with a straight between. A corner of arc length `Lc` has the curvature
-    `pi/(2 Lc) (1 - cos(2 pi u / Lc))` and takes `0.58440898690 Lc` of both its sides.
+    A U-turn consists of two corners of 90 degrees with a straight line between them. A corner of arc length `Lc` has
+    the curvature `pi/(2 Lc) (1 - cos(2 pi u / Lc))` and takes up `0.58440898690 Lc` of both lines that it joins.
 
     Args:
         origin: `(3,)` start of the first stroke, m.

@@ -1,6 +1,6 @@
-"""Figures of trajectories and self-motions: data in, `matplotlib.figure.Figure` out, no global state.
+"""Figures of trajectories and self-motions: functions from data to `matplotlib.figure.Figure`, without global state.
 
-Needs the extra `plot`. Angles are in degrees here, and only here and at the command line.
+Needs the extra `plot`. Angles in figures are in degrees.
 """
 
 from collections.abc import Sequence
@@ -44,9 +44,9 @@ def joints(trajectory: Trajectory, chain: Chain, figure: FigureBase | None = Non
     """Every joint over time, with the ranges that its limits forbid shaded.
 
     Args:
-        trajectory: What the arm does; all joints turn.
+        trajectory: The motion; all joints are revolute.
         chain: The arm, for its limits.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     count = len(trajectory.joint_names)
     columns = 2 if count > 1 else 1
@@ -72,11 +72,11 @@ def self_motion(
     """The joints of one branch over the swivel: limits shaded, swivels at which all limits hold marked.
 
     Args:
-        motion: The configurations over a pose, which must be in reach.
+        motion: The configurations for a pose that is in reach.
         chain: The arm, for its limits.
         branch: Signs (shoulder, elbow, wrist); the branch with the longest feasible arcs when left out.
         samples: Number of swivels from -pi to pi.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
 
     Raises:
         ValueError: The pose is out of reach, or there is no such branch.
@@ -152,7 +152,7 @@ def swivel(
         angles: `(N,)` swivel, rad; None where there is no plan.
         band: `(N, M)` from `swivel_band`.
         marks: Arc lengths (m) to mark, and what happens there.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     figure = Figure(figsize=(9, 3.2), layout="constrained") if figure is None else figure
     axis = figure.subplots()
@@ -176,11 +176,11 @@ def swivel_map(
     Eight panels in branch order; on each the band against arc length, and the part of the plan that is on that branch.
 
     Args:
-        arm: The arm; its chart says what the swivels mean.
-        path: With orientations. Of long paths some 600 points are drawn.
+        arm: The arm; its chart defines the swivel.
+        path: With orientations. For long paths about 600 points are drawn.
         plan: From `plan_swivel` with the same arm.
         resolution: Number of swivels of the band.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     shown = np.unique(np.linspace(0, len(path) - 1, min(len(path), _SHOWN)).round().astype(int))
     s = path.s[shown]
@@ -214,16 +214,16 @@ def obstacle_map(
     resolution: int = 180,
     figure: FigureBase | None = None,
 ) -> FigureBase:
-    """The plan on the map of points x swivels: where limits and obstacles forbid its branch; below it the clearance.
+    """The plan on a map of path points and swivels, with what limits and obstacles forbid; below it the clearance.
 
     Args:
         arm: The arm.
-        path: What was planned; of long paths some 300 points are drawn.
+        path: The path of the plan; for long paths about 300 points are drawn.
         plan: Has a row per path point, and a `clearance`.
-        scene: The obstacles; where they move and the path has times, each point has its own.
+        scene: The obstacles; moving ones are at their positions at the times of the path.
         link_radius: As for the plan, m; or the shapes of its links.
         resolution: Number of swivels.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     shown = np.unique(np.linspace(0, len(plan) - 1, min(len(plan), 300)).round().astype(int))
     band = _bands(arm, path.poses[shown], [_index(plan.branch[0])], resolution)[0]
@@ -286,7 +286,7 @@ def track(
     """Joints with their limits, and below them the swivel on its band.
 
     Args:
-        trajectory: What the arm does.
+        trajectory: The motion.
         chain: The arm.
         s: `(N,)` arc length, m.
         angles: `(N,)` swivel, rad.

@@ -59,7 +59,7 @@ def convergence(
     Args:
         traces: Runs by name of the method, see `convergence_traces`.
         tol: Error at which a run counts as arrived.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
 
     Raises:
         ValueError: No runs.

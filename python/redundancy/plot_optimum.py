@@ -45,11 +45,11 @@ def loci(
 
     Args:
         chain: The arm.
-        criterion: What is small or large.
+        criterion: The criterion.
         task: Two coordinates.
         singularities: Marked where the loci cross.
         n: Grid points along each joint.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     figure = Figure(figsize=(11, 5.5), layout="constrained") if figure is None else figure
     angles = np.linspace(-np.pi, np.pi, n)
@@ -86,12 +86,12 @@ def resolved_paths(
 
     Args:
         chain: The arm, with three joints.
-        criterion: What is small or large.
+        criterion: The criterion.
         task: Two coordinates.
-        curves: The self-motion over the path's start.
-        ranked: What `rank_starts` gave.
+        curves: The self-motion at the start of the path.
+        ranked: Result of `rank_starts`.
         n: Grid points along each joint for the locus of mu.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     figure = Figure(figsize=(7, 7), layout="constrained") if figure is None else figure
     axes = figure.add_subplot()
@@ -123,13 +123,13 @@ def self_motion_values(
     points: Sequence[CriticalPoint],
     figure: Figure | None = None,
 ) -> Figure:
-    """The criterion along every self-motion curve, with the critical points; grey where a joint limit is broken.
+    """The criterion along every self-motion curve, with the critical points; grey where a joint limit is violated.
 
     Args:
-        criterion: What is small or large.
-        curves: The self-motion over a pose.
-        points: What `constrained_optima` gave over the same pose.
-        figure: Where to draw; a new figure when left out.
+        criterion: The criterion.
+        curves: The self-motion for a pose.
+        points: Result of `constrained_optima` for the same pose.
+        figure: Figure to draw into; a new one by default.
     """
     rows = max(1, len(curves))
     columns = 1 if rows <= 3 else 2
@@ -166,9 +166,9 @@ def along_path(
 
     Args:
         chain: The arm.
-        criterion: What is small or large.
-        task: Which coordinates are held.
-        followed: What `follow_optimum` gave.
+        criterion: The criterion.
+        task: Which coordinates are kept.
+        followed: Result of `follow_optimum`.
 
     Returns:
         `t` (s), `h` and `A` [Park1996, eq. (9)], `(N,)` each: one entry per row, and one for the place where it
@@ -189,17 +189,17 @@ def values_along_path(
     criterion: Criterion | None = None,
     task: str | Task = "planar",
 ) -> Figure:
-    """The criterion and what decides about its kind from every start, as figure 3 of [Park1996].
+    """The criterion and the quantity that decides its kind, along the path from every start: figure 3 of [Park1996].
 
     With `chain` and `criterion` that is the paper's A, and the curves end at the event: a star where critical points
     meet, a square at a kinematic singularity. Without them it is the eigenvalues of the reduced Hessian, row by row.
 
     Args:
-        ranked: What `rank_starts` gave.
-        figure: Where to draw; a new figure when left out.
+        ranked: Result of `rank_starts`.
+        figure: Figure to draw into; a new one by default.
         chain: The arm, with one spare freedom.
-        criterion: What is small or large.
-        task: Which coordinates are held.
+        criterion: The criterion.
+        task: Which coordinates are kept.
     """
     figure = Figure(figsize=(7, 7), layout="constrained") if figure is None else figure
     above, below = figure.add_subplot(211), figure.add_subplot(212)

@@ -27,7 +27,7 @@ def quaternion_volume(
         volume: The set.
         n: How many members are drawn.
         seed: Of the sample.
-        figure: Where to draw; a new figure when left out.
+        figure: Figure to draw into; a new one by default.
     """
     figure = Figure(figsize=(9, 4.5), layout="constrained") if figure is None else figure
     members = volume.sample(n, seed=seed)

@@ -1,12 +1,12 @@
 """Unit quaternions, scalar first `(w, x, y, z)`: algebra, axis and angle, Euler angles, swing and twist, error.
 
-Angles are rad. `product(a, b)` turns by b and then, about axes that stand, by a: `rotate(product(a, b), v)` is
+Angles are rad. `product(a, b)` rotates by b and then, about fixed axes, by a: `rotate(product(a, b), v)` is
 `rotate(a, rotate(b, v))`. Sequences are about the moving axes: `from_zyz([a, b, c])` is `Rz(a) Ry(b) Rz(c)`, `from_xyz`
 is `Rx(a) Ry(b) Rz(c)` and `from_rpy([phi, theta, psi])` is `Rz(phi) Ry(theta) Rx(psi)`: phi about z comes first, unlike
-in `redundancy.pose(rpy=...)`, which takes roll, pitch, yaw as a URDF does. Where the middle angle leaves only one of
-the outer angles determined, the one about the first axis (for RPY `psi`, about x) is set to 0.
-Arguments may have a leading axis `(N, ...)` in the algebra and the conversions, and then the result has it too; one row
-counts for many.
+in `redundancy.pose(rpy=...)`, which takes roll, pitch, yaw as a URDF does. At the gimbal, where only
+a combination of the outer angles is determined, the one about the first axis (for RPY `psi`, about x) is set to 0.
+In products and conversions, arguments may have a leading axis `(N, ...)`, and then the result has it too; a single row
+is used for all rows.
 
 Example:
     >>> from redundancy import quaternion

@@ -1,4 +1,4 @@
-"""What the mathematics did, as words."""
+"""Outcomes, events and kinds of critical points, as words."""
 
 from enum import StrEnum
 
@@ -26,7 +26,7 @@ class Status(StrEnum):
 
 
 class EventKind(StrEnum):
-    """What kind of thing happened on the way; `str(x)` is the word."""
+    """Kind of an event along a path or trajectory; `str(x)` is the word."""
 
     BASIS_CHANGE = "basis_change"
     DAMPING = "damping"
@@ -43,7 +43,7 @@ class EventKind(StrEnum):
 
 
 class Kind(StrEnum):
-    """What a configuration is to a criterion on its self-motion; `str(x)` is the word."""
+    """Kind of a configuration for a criterion on its self-motion; `str(x)` is the word."""
 
     MAXIMUM = "maximum"
     MINIMUM = "minimum"

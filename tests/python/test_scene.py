@@ -259,7 +259,7 @@ def test_collision_geometry_that_cannot_be_read() -> None:
             rd.LinkGeometry.from_urdf_string(chain, text)
     with pytest.raises(rd.RedundancyError, match="no moving link of 'pa10' is in the URDF"):
         rd.LinkGeometry.from_urdf_string(rd.catalog.load("pa10"), xml)
-    with pytest.raises(rd.RedundancyError, match="LinkGeometry of 'pa10', not of this 'bodies'"):
+    with pytest.raises(rd.RedundancyError, match="chain 'pa10', not of this chain 'bodies'"):
         rd.Scene([]).clearance(chain, np.zeros(3), rd.LinkGeometry(rd.catalog.load("pa10")))
     with pytest.raises(rd.RedundancyError, match="radius"):
         rd.LinkGeometry(chain).with_capsule("l2", [0, 0, 0], [0, 0, 1], -0.1)

@@ -342,6 +342,13 @@ pub const SET_SHORTEST: f64 = 1e-6;
 /// See [`SET_SHORTEST`].
 pub const SET_STRETCH: f64 = 0.3;
 
+/// Distance, rad, between two places on the boundaries from which that search is begun.
+pub const SET_APART: f64 = 0.05;
+
+/// Step, rad, away from an orientation whose nearest member of a set is not unique: far above rounding, and too short to
+/// change the distance in six digits.
+pub const SET_BESIDE: f64 = 1e-6;
+
 /// Gain, rad, below which a step of that search is made shorter.
 pub const SET_EDGE: f64 = 1e-10;
 
@@ -742,6 +749,17 @@ pub const RETIME_GAP: f64 = 1e-3;
 /// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
 /// the spot) still costs what its joints move.
 pub const PLAN_LEAST_SHARE: f64 = 1e-3;
+
+/// Smoothing, m, of the least distance along a plan, and how many times as far beyond the nearest pair others still count.
+pub const PLAN_ROOM_SMOOTHING: f64 = 1e-3;
+/// See [`PLAN_ROOM_SMOOTHING`].
+pub const PLAN_ROOM_SEEN: f64 = 20.0;
+
+/// Distance, m, that the rows of a plan keep from contact, so that nothing touches between them.
+pub const PLAN_ROOM: f64 = 1e-3;
+
+/// Depth, m, of a contact on a line of the search that its refinement is not expected to push out.
+pub const PLAN_DEEP: f64 = 0.03;
 
 /// Share of a limit by which a checked trajectory may exceed it: files of other programs carry four to six digits.
 pub const CHECK_RELATIVE: f64 = 1e-3;

@@ -28,7 +28,7 @@ const SEARCH_BLOCK: usize = 512;
 /// is perpendicular to them. Base, tool, axis signs, joint zeros, shoulder, elbow and lateral offsets do not matter.
 ///
 /// Args:
-///     chain: Six turning joints.
+///     chain: Six revolute joints.
 ///
 /// Raises:
 ///     NotSphericalWristError: Which axes are wrong and by how many mm or mrad.
@@ -65,13 +65,13 @@ impl PySphericalWristArm {
         ClosedForm::name(&self.arm)
     }
 
-    /// `None`: the configurations over a pose are isolated.
+    /// `None`: the configurations for a pose are isolated.
     #[getter]
     fn parameter(&self) -> Option<&'static str> {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
+    /// How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         pair(self.arm.defect())
@@ -96,16 +96,17 @@ impl PySphericalWristArm {
         self.arm.lateral_offset()
     }
 
-    /// Configurations over a pose, `(k, 6)`, in branch order.
+    /// Configurations for a pose, `(k, 6)`, in branch order.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like.
-    ///     limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
-    ///         principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
+    ///     limits: Only those within the joint limits, shifted by whole turns where necessary. If False: all distinct
+    ///         ones in principal values, 8, or 4 where one shoulder is out of reach or the arm is stretched.
     ///
     /// Returns:
-    ///     `(0, 6)` when there is none: `configurations(pose).reason` says why. A wrist at its gimbal shares the sum
-    ///     of joints 4 and 6 with joint 4 as near to 0 as the limits allow; so does joint 1 where it is free.
+    ///     `(0, 6)` when there is none: `configurations(pose).reason` says why. With the wrist at its gimbal, only
+    ///     the sum of joints 4 and 6 is determined, and joint 4 is as near to 0 as the limits allow; so is joint 1
+    ///     where it is free.
     #[pyo3(signature = (pose, limits=true))]
     fn solve<'py>(
         &self,
@@ -117,12 +118,12 @@ impl PySphericalWristArm {
         to_array(py, rows.as_flattened(), [rows.len(), 6])
     }
 
-    /// All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`.
+    /// All branches for many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
     ///     limits: Whether only those within the joint limits are valid.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, limits=true, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -134,7 +135,7 @@ impl PySphericalWristArm {
         solve_batch::<6>(py, poses, threads, |_, data, q, valid| self.arm.solve_batch(data, limits, q, valid))
     }
 
-    /// The configuration over the pose within limits with the least distance to `q`, windings included.
+    /// The configuration for the pose within limits with the least distance to `q`, windings included.
     ///
     /// `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
     /// `(N, 6)` and `valid` `(N,)`. Where the pose leaves joints free (gimbal of the wrist, wrist centre on axis 1)
@@ -143,7 +144,7 @@ impl PySphericalWristArm {
     /// Args:
     ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
     ///     q: `(6,)`, or `(N, 6)` for many poses, rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -160,7 +161,7 @@ impl PySphericalWristArm {
         nearest_batch(py, pose, q, threads, BLOCK, |poses, q| self.arm.nearest_batch(poses, q)).map(Some)
     }
 
-    /// Every configuration over a pose within the limits; where there is none, the reason.
+    /// Every configuration for a pose within the limits; if there is none, the reason.
     fn configurations(&self, pose: &Bound<'_, PyAny>) -> PyResult<PyConfigurations> {
         let all = self.arm.configurations(&read_pose(pose)?).map_err(to_py)?;
         Ok(PyConfigurations { all })
@@ -193,7 +194,7 @@ impl PySphericalWristArm {
     }
 }
 
-/// Every configuration of a `SphericalWristArm` over one pose.
+/// Every configuration of a `SphericalWristArm` for one pose.
 #[pyclass(name = "Configurations", module = "redundancy", frozen)]
 pub struct PyConfigurations {
     all: Configurations,
@@ -207,13 +208,15 @@ impl PyConfigurations {
         status_to_py(py, self.all.status)
     }
 
-    /// Why none, with the number: out of reach by x mm; which joint, by how much at best. Else empty.
+    /// Why there is none: out of reach by how many mm, or which joint is outside by how much.
+    ///
+    /// Empty otherwise.
     #[getter]
     fn reason(&self) -> &str {
         &self.all.reason
     }
 
-    /// Status and branches are exact.
+    /// Whether status and branches are exact.
     ///
     /// False for an arm with a defect above 1e-9, and where the pose leaves a joint free (wrist centre on axis 1, wrist
     /// at its gimbal).
@@ -255,7 +258,7 @@ impl PyConfigurations {
 /// joint zeros, offsets and the other angles between the axes do not matter.
 ///
 /// Args:
-///     chain: Six turning joints.
+///     chain: Six revolute joints.
 ///
 /// Raises:
 ///     NotParallelAxesError: Which axes are wrong and by how many mm or mrad.
@@ -294,13 +297,13 @@ impl PyParallelAxesArm {
         ClosedForm::name(&self.arm)
     }
 
-    /// `None`: the configurations over a pose are isolated.
+    /// `None`: the configurations for a pose are isolated.
     #[getter]
     fn parameter(&self) -> Option<&'static str> {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
+    /// How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         pair(self.arm.defect())
@@ -313,17 +316,17 @@ impl PyParallelAxesArm {
         (upper, fore)
     }
 
-    /// Configurations over a pose, `(k, 6)`, in branch order.
+    /// Configurations for a pose, `(k, 6)`, in branch order.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like.
-    ///     limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones, at
-    ///         most 8, in principal values.
+    ///     limits: Only those within the joint limits, shifted by whole turns where necessary. If False: all distinct
+    ///         ones, at most 8, in principal values.
     ///
     /// Returns:
-    ///     `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. Where the last axis is along the
-    ///     parallel ones, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
-    ///     answers of an arm with a defect are polished by Newton's method.
+    ///     `(0, 6)` when there is none: `rd.solutions(arm, pose).reason` says why. If the last axis is parallel to
+    ///     axes 2, 3 and 4, joint 6 is as near to 0 as reach and limits allow; so is joint 1 where it is free. The
+    ///     configurations of an arm with a defect are polished by Newton's method.
     #[pyo3(signature = (pose, limits=true))]
     fn solve<'py>(
         &self,
@@ -335,12 +338,12 @@ impl PyParallelAxesArm {
         to_array(py, rows.as_flattened(), [rows.len(), 6])
     }
 
-    /// All branches over many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished.
+    /// All branches for many poses `(N, 4, 4)`: `q` `(N, 8, 6)` in branch order, `valid` `(N, 8)`. Not polished.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
     ///     limits: Whether only those within the joint limits are valid.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, limits=true, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -352,7 +355,7 @@ impl PyParallelAxesArm {
         solve_batch::<6>(py, poses, threads, |_, data, q, valid| self.arm.solve_batch(data, limits, q, valid))
     }
 
-    /// The configuration over the pose within limits with the least distance to `q`, windings included.
+    /// The configuration for the pose within limits with the least distance to `q`, windings included.
     ///
     /// `(6,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 6)`, a `SolveBatch` with `q`
     /// `(N, 6)` and `valid` `(N,)`. Where the pose leaves joint 1 or joint 6 free it stays near `q`.
@@ -360,7 +363,7 @@ impl PyParallelAxesArm {
     /// Args:
     ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
     ///     q: `(6,)`, or `(N, 6)` for many poses, rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -401,14 +404,15 @@ impl PyParallelAxesArm {
     }
 }
 
-/// A seven-joint arm with a spherical shoulder whose last axis passes the wrist: Panda, FR3, xArm7, GEN72.
+/// A seven-joint arm with a spherical shoulder whose axis 7 does not meet axes 5 and 6: Panda, FR3, xArm7, GEN72.
 ///
-/// The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does not
-/// pass that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not matter. The set of
-/// configurations over a pose, curves of joint 7 with their arcs within the joint limits, is `rd.solutions(arm, pose)`.
+/// The arm is recognised from its geometry alone: axes 1, 2, 3 meet at right angles, axes 5 and 6 meet, axis 7 does
+/// not pass through that point. Base, tool, axis signs, joint zeros, elbow offsets and the other angles do not
+/// matter. The set of configurations for a pose, curves of joint 7 with their arcs within the joint limits, is
+/// `rd.solutions(arm, pose)`.
 ///
 /// Args:
-///     chain: Seven turning joints.
+///     chain: Seven revolute joints.
 ///
 /// Raises:
 ///     NotPandaClassError: Which axes are wrong and by how many mm or mrad.
@@ -451,7 +455,7 @@ impl PyPandaClassArm {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
+    /// How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         pair(self.arm.defect())
@@ -464,17 +468,17 @@ impl PyPandaClassArm {
         (upper, fore, hand)
     }
 
-    /// Configurations over a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
+    /// Configurations for a pose with joint 7 at `q7` (modulo turns), `(k, 7)`, k at most 8.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like.
     ///     q7: rad.
-    ///     limits: Only those within the joint limits, in the winding that holds them. Without: all distinct ones in
-    ///         principal values.
+    ///     limits: Only those within the joint limits, shifted by whole turns where necessary. If False: all distinct
+    ///         ones in principal values.
     ///
     /// Returns:
-    ///     In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this joint
-    ///     7. The answers of an arm with a defect are polished by Newton's method.
+    ///     In the order `4 [shoulder < 0] + 2 [elbow < 0] + [normal < 0]`; `(0, 7)` when there is none with this
+    ///     joint 7. The configurations of an arm with a defect are polished by Newton's method.
     #[pyo3(signature = (pose, q7, limits=true))]
     fn solve<'py>(
         &self,
@@ -487,13 +491,13 @@ impl PyPandaClassArm {
         to_array(py, rows.as_flattened(), [rows.len(), 7])
     }
 
-    /// All configurations over many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`.
+    /// All configurations for many poses `(N, 4, 4)` with one `q7` or `(N,)`: `q` `(N, 8, 7)`, `valid` `(N, 8)`.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
     ///     q7: Joint 7: a number or `(N,)`, rad.
     ///     limits: Whether only those within the joint limits are valid.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, q7, limits=true, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -513,7 +517,7 @@ impl PyPandaClassArm {
         })
     }
 
-    /// The configuration over the pose within limits with the least distance to `q`, windings included.
+    /// The configuration for the pose within limits with the least distance to `q`, windings included.
     ///
     /// `(7,)`, or `None` when there is none. For poses `(N, 4, 4)`, with one `q` or `(N, 7)`, a `SolveBatch` with `q`
     /// `(N, 7)` and `valid` `(N,)`.
@@ -521,7 +525,7 @@ impl PyPandaClassArm {
     /// Args:
     ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
     ///     q: `(7,)`, or `(N, 7)` for many poses, rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -556,7 +560,7 @@ fn pair(defect: Defect) -> (f64, f64) {
     (defect.position, defect.orientation)
 }
 
-/// The eight branches of `J` joints over many poses: `solve` gets a range of the poses with its share of the memory.
+/// The eight branches of `J` joints for many poses: `solve` gets a range of the poses with its share of the memory.
 fn solve_batch<const J: usize>(
     py: Python<'_>,
     poses: &Bound<'_, PyAny>,
@@ -593,7 +597,7 @@ fn branch_signs<'py>(
     }
 }
 
-/// Nearest configurations over many poses to one `q` or to one each, as a `SolveBatch` of `(N, n)` and `(N,)`.
+/// Nearest configurations for many poses to one `q` or to one each, as a `SolveBatch` of `(N, n)` and `(N,)`.
 fn nearest_batch<'py, const J: usize>(
     py: Python<'py>,
     poses: &Bound<'py, PyAny>,

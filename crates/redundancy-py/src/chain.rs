@@ -28,11 +28,10 @@ const BLOCK: usize = 16_384;
 
 /// An arm: joints from base to tip, limits, base and tool.
 ///
-/// Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite.
-/// `q` is `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too.
-/// Poses are `(4, 4)` arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up
-/// to 1e-3 (largest deviation of a singular value from 1) is replaced by the nearest one, beyond that the pose is
-/// refused.
+/// Immutable: every `with_...` returns a new chain. Units are m, rad, s, kg, N, N m; 'no limit' is infinite. `q` is
+/// `(n,)`, or `(N, n)` for many configurations, and then the result has the leading axis too. Poses are `(4, 4)`
+/// arrays or objects of pinocchio, scipy, mink, viser or spatialmath. A rotation that is off by up to 1e-3 (largest
+/// deviation of a singular value from 1) is replaced by the nearest one; a pose that is farther off is refused.
 ///
 /// Example:
 ///     >>> import numpy as np
@@ -146,12 +145,12 @@ impl PyChain {
 
 #[pymethods]
 impl PyChain {
-    /// Read the way from a base link to a tip link out of a URDF file.
+    /// Read the chain from a base link to a tip link from a URDF file.
     ///
-    /// The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from the
-    /// top of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they are
-    /// in order from the base, and each body goes with the joint before it. Fixed joints are folded, numbers are used
-    /// as they are, a velocity or effort of 0 means none.
+    /// The base need not be an ancestor of the tip: the chain runs up to their common ancestor and down again (from
+    /// the top of a turntable to a tool, from one hand to the other). Joints keep their names, signs and limits; they
+    /// are ordered from the base, and each body belongs to the joint before it. Fixed joints are folded, numbers are
+    /// used as they are, and a velocity or effort of 0 means no limit.
     ///
     /// Args:
     ///     path: The file.
@@ -182,7 +181,7 @@ impl PyChain {
         chain.map(Self::from).map_err(to_py)
     }
 
-    /// Read a chain out of the text of a URDF; see `from_urdf`.
+    /// Read a chain from the text of a URDF; see `from_urdf`.
     ///
     /// Args:
     ///     xml: Text of the URDF.
@@ -211,10 +210,10 @@ impl PyChain {
     /// Args:
     ///     rows: `(n, 4)`: a (m), d (m), alpha (rad), offset theta (rad); one joint is `[[a, d, alpha, theta]]`.
     ///     convention: Which frame the rows describe.
-    ///     base: _Pose of frame 0 in the world.
-    ///     tool: _Pose of the tool in the last frame.
+    ///     base: Pose of frame 0 in the world.
+    ///     tool: Pose of the tool in the last frame.
     ///     names: Joint names; `joint1`, `joint2`, ... when left out.
-    ///     lower: `(n,)` lower position limits, rad; `-inf` for none. A single number counts for all joints.
+    ///     lower: `(n,)` lower position limits, rad; `-inf` for none. A single number applies to all joints.
     ///     upper: `(n,)` upper position limits, rad; `inf` for none.
     ///     velocity: `(n,)` velocity limits, rad/s.
     ///     effort: `(n,)` torque limits, N m.
@@ -367,7 +366,7 @@ impl PyChain {
         self.chain.with_base(read_pose(pose)?).map(Self::from).map_err(to_py)
     }
 
-    /// The same arm with other limits `(n,)`; what is not given stays. A single number counts for all joints.
+    /// The same arm with other limits `(n,)`; what is not given stays. A single number applies to all joints.
     ///
     /// Args:
     ///     lower: Lower position limits `(n,)`, rad or m; `-inf` for none.
@@ -391,9 +390,9 @@ impl PyChain {
 
     /// The same arm on a rail: one prismatic joint before the base.
     ///
-    /// At 0 on the rail the arm stands where it stood. The rail is the first joint; the first link is `<name>_base`,
-    /// which stands, and the former first link moves. Another call puts a rail below the rail. In torques the rail
-    /// carries the bodies that the arm's joints move; the mass of the former first link is not known.
+    /// At 0 on the rail the arm is where it was before. The rail is the first joint; the new first link `<name>_base`
+    /// stands still, and the former first link moves. Another call puts a rail below the first one. For torques, the
+    /// rail carries the bodies that the arm's joints move; the mass of the former first link is not known.
     ///
     /// Args:
     ///     axis: `(3,)` direction of the rail, world axes, of any length.
@@ -403,7 +402,7 @@ impl PyChain {
     ///     name: Name of the joint.
     ///
     /// Raises:
-    ///     RedundancyError: An axis without length, inverted limits, a name that is taken.
+    ///     RedundancyError: An axis without length, inverted limits, a name that is already used.
     ///
     /// Example:
     ///     >>> import redundancy as rd
@@ -425,7 +424,7 @@ impl PyChain {
         self.chain.with_rail(name, axis, limits).map(Self::from).map_err(to_py)
     }
 
-    /// The same arm with a body fixed to its tip; adds to what is there.
+    /// The same arm with a body fixed to its tip, in addition to those already there.
     ///
     /// It counts in torques and what depends on them (`inverse_dynamics`, `max_speed`, `plan_orientation`).
     ///
@@ -464,7 +463,7 @@ impl PyChain {
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
     ///     link: One of `link_names`; the tool when left out.
-    ///     threads: Threads for a batch; all cores when left out. The bits do not depend on it.
+    ///     threads: Threads for a batch; all cores by default. The result does not depend on it.
     ///
     /// Returns:
     ///     `(4, 4)` or `(N, 4, 4)`.
@@ -505,15 +504,15 @@ impl PyChain {
 
     /// Geometric Jacobian of the tool or of a link: linear rows first.
     ///
-    /// The motion is the one relative to the base; `frame` chooses the axes in which it is written, not the observer.
+    /// The velocity is relative to the base; `frame` only chooses the axes in which it is expressed.
     ///
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
     ///     link: One of `link_names`; the tool when left out. Joints after it have columns of zeros.
     ///     frame: Axes of both halves: `"base"` (world axes, those in which the base is placed), `"tool"`, or one of
-    ///         `link_names` (a link that is called base or tool is not reached by its name).
+    ///         `link_names` (a link called `base` or `tool` cannot be chosen by its name).
     ///     point: `(3,)` reference point, m, in the frame of the link (or of the tool); its origin when left out.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(6, n)` or `(N, 6, n)`: m or 1, and 1 or 0.
@@ -569,7 +568,7 @@ impl PyChain {
     ///
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(4, 4)` and `(6, n)`, or `(N, 4, 4)` and `(N, 6, n)`.
@@ -610,7 +609,7 @@ impl PyChain {
     ///
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(6, n, n)` or `(N, 6, n, n)`. The linear part is symmetric in j and k, the angular part is not.
@@ -649,10 +648,10 @@ impl PyChain {
     ///
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
-    ///     qd: Velocities; a single row counts for the whole batch.
+    ///     qd: Velocities; a single row is used for the whole batch.
     ///     qdd: Accelerations; likewise.
     ///     gravity: m/s^2, world axes.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(n,)` or `(N, n)`, N m (N for sliding joints).

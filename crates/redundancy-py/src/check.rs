@@ -21,7 +21,7 @@ use crate::plan::read_chain;
 use crate::scene::PyScene;
 use crate::speed::{JointLimits, read_limits};
 
-/// One thing that is wrong with a trajectory: an entry of `CheckReport.findings`.
+/// One error or warning about a trajectory: an entry of `CheckReport.findings`.
 #[pyclass(name = "Finding", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyFinding {
@@ -47,7 +47,7 @@ impl PyFinding {
         Ok(Self { finding: Finding { kind, row, rows, t, joint, link, value, bound, message } })
     }
 
-    /// What is wrong: one word.
+    /// What is wrong, as one word.
     ///
     /// `position`, `velocity`, `acceleration`, `jerk`, `torque`, `step`, `not_at_rest`, `winding`, `singularity`,
     /// `self_collision`, `collision`, `path_deviation` or `time`.
@@ -62,31 +62,31 @@ impl PyFinding {
         self.finding.severity().as_str()
     }
 
-    /// The row nearest to the worst place, from 0.
+    /// The row nearest to the worst violation, from 0.
     #[getter]
     fn row(&self) -> usize {
         self.finding.row
     }
 
-    /// First and last row of the part of the motion with this fault.
+    /// First and last row of the part of the motion with this error.
     #[getter]
     fn rows(&self) -> (usize, usize) {
         self.finding.rows.into()
     }
 
-    /// Time of the worst place, s.
+    /// Time of the worst violation, s.
     #[getter]
     fn t(&self) -> f64 {
         self.finding.t
     }
 
-    /// The joint, where it is one joint's fault.
+    /// The joint, if a single joint is the cause.
     #[getter]
     fn joint(&self) -> Option<&str> {
         self.finding.joint.as_deref()
     }
 
-    /// The link, where it is one link's.
+    /// The link, if a single link is the cause.
     #[getter]
     fn link(&self) -> Option<&str> {
         self.finding.link.as_deref()
@@ -104,7 +104,7 @@ impl PyFinding {
         self.finding.bound
     }
 
-    /// All of it as a sentence.
+    /// The finding as a sentence.
     #[getter]
     fn message(&self) -> &str {
         &self.finding.message
@@ -150,7 +150,7 @@ impl PyCheckReport {
         self.report.ok()
     }
 
-    /// False where times do not increase: the rows are then no motion, and their times are the only findings.
+    /// Whether the motion was checked; False if times do not increase, which is then the only finding.
     #[getter]
     fn judged(&self) -> bool {
         self.report.judged
@@ -280,25 +280,25 @@ fn rows_of_archive(archive: &Bound<'_, PyAny>, chain_names: &[String]) -> PyResu
     JointRows::new(names, t, q, qd, qdd, sections).map_err(to_py)
 }
 
-/// A linter for joint trajectories: whether the arm can run what the rows say.
+/// Check a joint trajectory before an arm runs it: limits, jumps, rest, contact, deviation from a path.
 ///
-/// Judged is what `Trajectory.sample` makes of the rows, between them as well. Neighbouring intervals with the same
-/// fault of the same joint are one finding.
+/// Checked is the curve that `Trajectory.sample` gives, so also the motion between the rows. Consecutive intervals
+/// with the same error of the same joint are one finding.
 ///
 /// Args:
 ///     chain: The arm, or an arm object.
 ///     trajectory: A trajectory or plan, or a file of any origin: JSON (ROS `JointTrajectory`), CSV or npz. The joints
 ///         may be in any order.
-///     path: What the tool should follow, rows of the sections `lead_in` and `lead_out` excepted.
-///     scene: What is in the way.
+///     path: The path that the tool should follow, except in rows of the sections `lead_in` and `lead_out`.
+///     scene: Obstacles.
 ///     links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
 ///     velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
 ///     acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
 ///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.
 ///     torque_limits: `(n,)` N m or N, `"chain"`, or None for off (default); needs a chain with inertias.
 ///     at_rest: Whether the first and the last row must be at rest.
-///     tolerance: Share of a limit by which it may be exceeded, 0.001 by default. What the rounding of times to
-///         nanoseconds adds is left out as well.
+///     tolerance: Share of a limit by which it may be exceeded, 0.001 by default. The effect of rounding times to
+///         nanoseconds is allowed in addition.
 ///     position_tolerance: Largest distance from the path, m; 0.001 by default.
 ///     orientation_tolerance: Largest angle from the path's orientation, rad, 0.01 by default; None for off, as for a
 ///         plan with a free tool.
@@ -412,7 +412,7 @@ impl<'py> FromPyObject<'_, 'py> for CheckOrientation {
 ///     chain: The arm, or an arm object.
 ///     q_from: `(n,)` where the arm is, rad or m.
 ///     q_to: `(n,)` where it should be.
-///     scene: What is in the way.
+///     scene: Obstacles.
 ///     links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
 ///     velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None.
 ///     acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None; each joint needs one.
@@ -420,7 +420,7 @@ impl<'py> FromPyObject<'_, 'py> for CheckOrientation {
 ///     clearance: Least distance from obstacles, m.
 ///
 /// Raises:
-///     CannotFollowError: The move touches something or leaves the joint limits; the message says which link and
+///     CannotFollowError: The move makes contact or leaves the joint limits; the message says which link and
 ///         obstacle, or which joint, and when.
 ///     RedundancyError: Wrong lengths, invalid limits, a joint without an acceleration limit.
 ///

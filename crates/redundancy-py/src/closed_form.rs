@@ -86,14 +86,14 @@ pub fn read_arm(object: &Bound<'_, PyAny>) -> PyResult<Arm> {
 
 /// The closed form of an arm, recognised from its geometry.
 ///
-/// Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter that
-/// describes its spare freedom (`"swivel"`), `None` where configurations over a pose are isolated.
+/// Every arm object has `.name`, `.chain`, `.defect` (metres, radians) and `.parameter`, the name of the parameter
+/// that describes its spare freedom (`"swivel"`), `None` if the configurations for a pose are isolated.
 ///
 /// Args:
 ///     chain: The arm; an arm object is returned as it is.
 ///
 /// Returns:
-///     The arm object, or `None` where no closed form is known.
+///     The arm object, or `None` if no closed form is known.
 ///
 /// Example:
 ///     >>> import redundancy as rd

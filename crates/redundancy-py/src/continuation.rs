@@ -16,7 +16,7 @@ use crate::path::{PyEvent, read_joint_rows};
 use crate::status::status_to_py;
 use crate::task::{PyTask, read_target, read_task};
 
-/// A curve of configurations with one task value, by continuation. Pickles.
+/// A curve of configurations with one task value, by continuation. Can be pickled.
 ///
 /// The parameter s is the length of the curve in joint space from the first row.
 #[pyclass(name = "SelfMotionCurve", module = "redundancy", frozen)]
@@ -33,7 +33,7 @@ impl PySelfMotionCurve {
         self.chain.clone_ref(py)
     }
 
-    /// `(N, n)`: joint configurations that change continuously: not wound back into their limits on the way.
+    /// `(N, n)`: joint configurations that change continuously; they are not shifted back into the limits.
     ///
     /// On a closed curve the last row is the first one plus whole turns.
     #[getter]
@@ -94,7 +94,7 @@ impl PySelfMotionCurve {
         }
     }
 
-    /// Arcs `(k, 2)` of s on which all joint limits hold in some winding, with `margin` from each.
+    /// Arcs `(k, 2)` of s on which all joint limits hold in some winding, with a distance of `margin` from each.
     ///
     /// An arc through the start of a closed curve ends above its length: s is inside an arc `[lo, hi]` when
     /// `(s - lo) mod length <= hi - lo`.
@@ -173,17 +173,17 @@ fn task_or_pose(task: Option<&Bound<'_, PyAny>>) -> PyResult<Task> {
     task.map_or(Ok(Task::POSE), read_task)
 }
 
-/// The self-motion through `q`: all configurations with the same task value that can be reached from it.
+/// The self-motion through `q`: all configurations with the same task value that are connected with it.
 ///
-/// By predictor and corrector, for any chain with one spare freedom under the task. Passes folds; ends where the curve
-/// closes or at kinematic singularities (then both directions are followed).
+/// By prediction and correction, for any chain with one spare freedom under the task. Passes points where a joint
+/// turns back; ends where the curve closes or at kinematic singularities (then both directions are followed).
 ///
 /// Args:
 ///     chain: The arm.
 ///     q: `(n,)`.
-///     task: What is held; default the pose.
+///     task: Which coordinates are kept; the pose by default.
 ///     step: Largest joint step between rows; default 0.01.
-///     max_rows: Rows after which the curve is given up; default 200 000.
+///     max_rows: Rows after which following the curve is stopped; default 200 000.
 ///
 /// Raises:
 ///     RedundancyError: a wrong length, entries that are not finite, not exactly one spare freedom, invalid settings.
@@ -213,16 +213,17 @@ pub fn py_trace_self_motion(
 
 /// Every self-motion curve found over `pose`.
 ///
-/// On S-R-S arms the circles of the closed form: all there are. On other arms curves through the configurations that
-/// Newton's method finds from random starts. Arguments as of `trace_self_motion` and `constrained_optima`.
+/// For S-R-S arms these are the circles of the closed form, which are complete. For other arms they are the curves
+/// through the configurations that Newton's method finds from random starts. Arguments are as for `trace_self_motion`
+/// and `constrained_optima`.
 ///
 /// Args:
 ///     chain: The arm.
 ///     pose: `(4, 4)` or SE3-like, or what the task holds of it.
-///     task: Which coordinates are held; default the pose.
-///     seed: Decides the random starts.
+///     task: Which coordinates are kept; the pose by default.
+///     seed: Seed of the random starts.
 ///     starts: Their number.
-///     step: Distance of rows in joint space, as of `trace_self_motion`.
+///     step: Distance of rows in joint space, as for `trace_self_motion`.
 ///     max_rows: Most rows of a curve.
 ///
 /// Raises:
@@ -259,12 +260,12 @@ pub fn py_self_motion_curves(
 /// Args:
 ///     chain: The arm; the task leaves two freedoms.
 ///     q: `(n,)`, the middle of the patch.
-///     task: What is held; default the pose.
+///     task: Which coordinates are kept; the pose by default.
 ///     spacing: Distance of neighbours along the two null directions of `q`, in (0, 0.5].
 ///     steps: Points on each side of the middle, at most 500.
 ///
 /// Returns:
-///     Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; those that were not repeat `q`.
+///     Configurations `(2 steps + 1, 2 steps + 1, n)` and whether each was found; where not, the entry is `q`.
 ///
 /// Raises:
 ///     RedundancyError: a wrong length, entries that are not finite, not exactly two spare freedoms, invalid settings.

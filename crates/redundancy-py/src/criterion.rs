@@ -21,7 +21,7 @@ use crate::task::{PyTask, read_task};
 
 /// A scalar function of the configuration, with gradient and Hessian.
 ///
-/// Sums (`a + b`, equal senses) and multiples (`2.0 * a`, `-a` turns the sense round) are criteria.
+/// Sums (`a + b`, of equal senses) and multiples (`2.0 * a`; `-a` has the opposite sense) are criteria.
 #[pyclass(name = "Criterion", module = "redundancy", frozen, subclass)]
 pub struct PyCriterion {
     pub criterion: Arc<dyn Criterion>,
@@ -67,7 +67,7 @@ impl PyCriterion {
         self.criterion.dof()
     }
 
-    /// Whether it is to be small or large.
+    /// `"minimize"` or `"maximize"`.
     #[getter]
     fn sense(&self) -> &'static str {
         self.criterion.sense().as_str()
@@ -147,7 +147,7 @@ impl PyCriterion {
     }
 }
 
-/// Distance from the middle of the joint ranges, to minimise.
+/// Distance from the middle of the joint ranges, to be minimised.
 ///
 /// `1/(2n) sum ((q_i - c_i) / (upper_i - lower_i))^2` (Bettini, De Luca, Oriolo 2000, eq. 6). Joints without limits
 /// do not count; n is the number of all joints.
@@ -175,11 +175,11 @@ impl PyJointRange {
     }
 }
 
-/// Nearness to a reference configuration, to minimise: `1/2 sum w_i (q_i - q_ref_i)^2`.
+/// Distance from a reference configuration, to be minimised: `1/2 sum w_i (q_i - q_ref_i)^2`.
 ///
 /// Args:
 ///     chain: The arm.
-///     q_ref: `(n,)`, rad or m. Joint values count as they are: a winding away is far away.
+///     q_ref: `(n,)`, rad or m. Joint values are compared as they are, so a whole turn counts as a large distance.
 ///     weights: `(n,)`, not negative; 1 by default.
 #[pyclass(name = "Posture", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyPosture;
@@ -209,15 +209,15 @@ impl PyPosture {
     }
 }
 
-/// Distance from singularities, to maximise: `det(J J^T)` of a task, or its root.
+/// Distance from singularities, to be maximised: `det(J J^T)` of a task, or its square root.
 ///
-/// Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. The root has none
-/// where it is zero; zeros are returned there.
+/// Gradient and Hessian of the determinant are exact everywhere, at singular configurations too. Where the root is
+/// zero, it has no derivatives, and zeros are returned.
 ///
 /// Args:
 ///     chain: The arm.
 ///     task: Which coordinates count, by name or as a `Task`: `"pose"`, `"pose_rpy"`, `"position"`, `"pointing"`,
-///         `"planar"`, `"planar_pose"`. Metres and radians are not weighed against each other.
+///         `"planar"`, `"planar_pose"`. Metres and radians are not weighted.
 ///     measure: `"det"` or `"sqrt"`.
 ///
 /// Example:
@@ -254,19 +254,19 @@ impl PyManipulability {
     }
 }
 
-/// Distance from obstacles, to maximise.
+/// Distance from obstacles, to be maximised.
 ///
-/// A soft minimum of the signed distances of all pairs of link and obstacle: smooth where the nearest pair changes, at
-/// most the least distance, and less by at most `smoothing` times the logarithm of the number of pairs as near as it.
-/// The Hessian is the difference quotient of the analytic gradient.
+/// A soft minimum of the signed distances of all pairs of link and obstacle: it is smooth where the nearest pair
+/// changes. It is at most the least distance, and below it by at most `smoothing` times the logarithm of the number
+/// of pairs that are equally near. The Hessian is the difference quotient of the analytic gradient.
 ///
 /// Args:
 ///     chain: The arm.
 ///     scene: The obstacles.
 ///     link_radius: Links are capsules of this radius (m) from joint to joint and to the tool; or a `LinkGeometry`.
-///     links: The same under another name.
-///     self_collision: The pairs of links count too.
-///     smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+///     links: Another name of `link_radius`.
+///     self_collision: Whether the pairs of links count too.
+///     smoothing: Width of the transition between nearest pairs, m; 0 gives the least distance itself.
 #[pyclass(name = "Clearance", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PyClearanceCriterion;
 
@@ -308,12 +308,12 @@ impl PyClearanceCriterion {
     }
 }
 
-/// Distance of links from each other, to maximise: a soft minimum over the pairs of a `LinkGeometry`.
+/// Distance of links from each other, to be maximised: a soft minimum over the pairs of a `LinkGeometry`.
 ///
 /// Args:
 ///     chain: The arm.
 ///     links: Its shapes and pairs.
-///     smoothing: Width over which the nearest pair changes, m; 0 is the least distance itself.
+///     smoothing: Width of the transition between nearest pairs, m; 0 gives the least distance itself.
 #[pyclass(name = "SelfClearance", module = "redundancy", frozen, extends = PyCriterion)]
 pub struct PySelfClearanceCriterion;
 
@@ -339,7 +339,7 @@ impl PySelfClearanceCriterion {
     }
 }
 
-/// Squared distance (m^2) of the elbow from a point, to minimise.
+/// Squared distance (m^2) of the elbow from a point, to be minimised.
 ///
 /// Args:
 ///     chain: The arm.

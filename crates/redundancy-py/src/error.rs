@@ -8,7 +8,7 @@ pyo3::create_exception!(
     redundancy,
     RedundancyError,
     PyValueError,
-    "Invalid input; the message names the thing, the value and the bound."
+    "Invalid input; the message names the quantity, its value and the bound."
 );
 pyo3::create_exception!(
     redundancy,
@@ -20,19 +20,19 @@ pyo3::create_exception!(
     redundancy,
     NotSrsError,
     RedundancyError,
-    "The chain is not a spherical-revolute-spherical arm; the message says which axes miss each other by how much."
+    "Not a spherical-revolute-spherical arm; the message says which axes miss each other and by how much."
 );
 pyo3::create_exception!(
     redundancy,
     NotSphericalWristError,
     RedundancyError,
-    "No six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."
+    "Not a six-joint arm with a spherical wrist; the message says which axes are wrong and by how much."
 );
 pyo3::create_exception!(
     redundancy,
     NotParallelAxesError,
     RedundancyError,
-    "No six-joint arm with three parallel axes; the message says which axes are wrong and by how much."
+    "Not a six-joint arm with three parallel axes; the message says which axes are wrong and by how much."
 );
 pyo3::create_exception!(
     redundancy,
@@ -44,14 +44,14 @@ pyo3::create_exception!(
     redundancy,
     FileFormatError,
     RedundancyError,
-    "A file is broken; the message gives its name and line."
+    "A file is malformed; the message gives its name and line."
 );
 
 pyo3::create_exception!(
     redundancy,
     CannotFollowError,
     RedundancyError,
-    "The path is sound, the arm cannot follow it; the message says which points and what is in the way."
+    "The input is valid, but the arm cannot do it; the message says where and why."
 );
 
 /// Core error to Python exception.

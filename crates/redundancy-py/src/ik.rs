@@ -27,10 +27,11 @@ use crate::task::{PyTask, read_target, read_targets, read_task};
 /// Poses between two looks at Ctrl-C: some tens of milliseconds.
 const SOLVER_BLOCK: usize = 2_048;
 
-/// From poses to configurations: any chain, joint limits held, a real tolerance.
+/// Inverse kinematics of any chain, within its joint limits and to a given tolerance.
 ///
-/// `hybrid` uses the closed form where the arm has one (`rd.closed_form`), else ranked starts and
-/// Levenberg-Marquardt; it stores configurations when it is made (about a millisecond), so make it once.
+/// `hybrid` uses the closed form if the arm has one (`rd.closed_form`), otherwise ranked starts and
+/// Levenberg-Marquardt. Construction computes a table of configurations (about a millisecond), so construct a solver
+/// once and use it for many poses.
 ///
 /// Args:
 ///     chain: The arm.
@@ -42,19 +43,20 @@ const SOLVER_BLOCK: usize = 2_048;
 ///     tol_orientation: Largest angle from the target that counts as reached, rad.
 ///     max_iterations: Most iterations over all starts.
 ///     restarts: Most starts after the first.
-///     criterion: What to do with spare freedom: brought to a stationary value in the null space of the task; with a
-///         closed form to the best value over all configurations.
+///     criterion: Objective for the spare freedom: the result is stationary in the null space of the task; with a
+///         closed form it is the best of all configurations.
 ///     orientation_set: `Cone`, `QuaternionVolume` or `OrientationSet` of orientations that count as reached, instead
 ///         of the target's.
-///     closed_form: Whether the closed form is used where the arm has one.
+///     closed_form: Whether the closed form is used if the arm has one.
 ///     time_limit: Seconds after which the best configuration so far is returned.
 ///     position_weight: Weight of the squared distance (1/m^2) in the cost of the descent algorithms and of `trace`.
 ///     orientation_weight: Weight of the orientation in that cost.
 ///     order: Order of a sweep of coordinate descent: `"tip_to_base"`, `"base_to_tip"`, `"double"`.
 ///     measure: Cost of an orientation: squared distances of the three `"axes"`, or of `"quaternions"`.
-///     joint_weights: `(n,)` share of the way that each joint goes in weighted descent (eq. 46) and in the estimate.
+///     joint_weights: `(n,)` share of its best step that each joint takes in weighted descent (eq. 46) and in the
+///         estimate.
 ///     gradient: `"true"` with a line search, or the paper's `"estimate"` as printed.
-///     attractions: Secondary terms (eq. 43): link, point `(3,)`, weight; a negative weight drives the link away.
+///     attractions: Secondary terms (eq. 43): link, point `(3,)`, weight; a negative weight repels the link.
 ///
 /// Raises:
 ///     RedundancyError: A setting out of its range, by name.
@@ -169,19 +171,19 @@ impl PyIkSolver {
         PyTask { task: self.solver.settings().task }
     }
 
-    /// `"srs"`, `"spherical_wrist"` or `None`: the closed form in use.
+    /// Name of the closed form in use, such as `"srs"` or `"panda_class"`; `None` without one.
     #[getter]
     fn closed_form(&self) -> Option<&'static str> {
         self.solver.closed_form()
     }
 
-    /// A configuration over a pose.
+    /// A configuration for a pose.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like; `(2,)` or `(3,)` for `planar`, `(3,)` for `position`, `(x, y, angle)` for
     ///         `planar_pose`.
-    ///     q0: `(n,)` where the search begins; a closed form returns the configuration nearest to it.
-    ///     seed: Decides the random starts, if it comes to those. The same seed, the same bits.
+    ///     q0: `(n,)` start of the search; a closed form returns the configuration nearest to it.
+    ///     seed: Seed of the random starts. The same seed gives the same bits.
     ///
     /// Raises:
     ///     RedundancyError: A pose that is not rigid (with the measured error), wrong shapes, numbers that are not
@@ -207,13 +209,13 @@ impl PyIkSolver {
 
     /// `solve` for many poses `(N, 4, 4)`, from one `q0` `(n,)` or one each `(N, n)`.
     ///
-    /// Row i is to the bit what `solve` gives for pose i, whatever the number of threads.
+    /// Row i is exactly what `solve` gives for pose i, whatever the number of threads.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or the short forms of `solve` with a leading axis.
-    ///     q0: Where the search begins, `(n,)` or `(N, n)`, rad or m.
-    ///     seed: Decides the random starts, of every pose the same.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     q0: Start of the search, `(n,)` or `(N, n)`, rad or m.
+    ///     seed: Seed of the random starts, the same for every pose.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, q0=None, seed=0, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -268,11 +270,11 @@ impl PyIkSolver {
 
     /// One run of the method from `q0`, without restarts or closed form, iteration by iteration.
     ///
-    /// `hybrid` runs as `newton`. At most `max_iterations`.
+    /// `hybrid` runs as `newton`. There are at most `max_iterations` iterations.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like.
-    ///     q0: Where it begins, `(n,)`, rad or m.
+    ///     q0: Start, `(n,)`, rad or m.
     fn trace(&self, py: Python<'_>, pose: &Bound<'_, PyAny>, q0: &Bound<'_, PyAny>) -> PyResult<PyIkTrace> {
         let pose = read_target(pose, &self.solver.settings().task)?;
         let q0 = read_vector(q0, "q0", Some(self.solver.chain().dof()))?;
@@ -346,7 +348,7 @@ fn read_set(object: &Bound<'_, PyAny>) -> PyResult<OrientationSet> {
     read_orientation_set(object, "orientation_set")
 }
 
-/// The answer over one pose.
+/// Result of inverse kinematics for one pose.
 #[pyclass(name = "IkResult", module = "redundancy", frozen)]
 pub struct PyIkResult {
     result: IkResult,
@@ -374,22 +376,22 @@ impl PyIkResult {
         Ok(Self { result })
     }
 
-    /// Joint positions `(n,)` within the limits; the best found where the status is not `converged`. A copy.
+    /// Joint positions `(n,)` within the limits; the best found if the status is not `converged`. A copy.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.result.q)
     }
 
-    /// What came out.
+    /// Outcome of the search.
     ///
     /// `converged`, `unreachable` (every start ended stationary above the tolerance; exact from a closed form),
-    /// `limits` (in reach, but only outside of the joint limits), `iteration_limit`, `time_limit`.
+    /// `limits` (reachable only outside of the joint limits), `iteration_limit`, `time_limit`.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.result.status)
     }
 
-    /// What the status means here, with the numbers; empty when converged.
+    /// Explanation of the status, with numbers; empty when converged.
     #[getter]
     fn reason(&self) -> String {
         self.result.reason()
@@ -401,21 +403,21 @@ impl PyIkResult {
         self.result.iterations
     }
 
-    /// Distance from the target, m, of what counts of it: measured by forward kinematics on `q`.
+    /// Distance from the target, m, in the coordinates of the task: by forward kinematics of `q`.
     #[getter]
     fn position_error(&self) -> f64 {
         self.result.position_error
     }
 
-    /// Angle from the target, rad, of what counts of it: measured by forward kinematics on `q`.
+    /// Angle from the target, rad, in the coordinates of the task: by forward kinematics of `q`.
     #[getter]
     fn orientation_error(&self) -> f64 {
         self.result.orientation_error
     }
 
-    /// The status is exact: `converged` always, others from a closed form without defect.
+    /// Whether the status is exact: `converged` always is, others from a closed form without defect.
     ///
-    /// False where it is that of a finite search; `reason` then says of how many starts.
+    /// False if it is the outcome of a finite search; `reason` then says how many starts were made.
     #[getter]
     fn proven(&self) -> bool {
         self.result.proven
@@ -442,7 +444,7 @@ impl PyIkResult {
     }
 }
 
-/// The answers over many poses; row i is that over pose i.
+/// Results of inverse kinematics for many poses; row i is that of pose i.
 #[pyclass(name = "IkBatch", module = "redundancy", frozen, get_all)]
 pub struct PyIkBatch {
     /// `(N, n)`, within the limits.
@@ -504,7 +506,7 @@ fn named<T: Copy>(kind: &'static str, name: &str, all: &[T], word: fn(T) -> &'st
     })
 }
 
-/// How a run went: entry k is before iteration k, the last one is at the end.
+/// History of one run: entry k is the state before iteration k, the last entry is the final state.
 #[pyclass(name = "IkTrace", module = "redundancy", frozen)]
 pub struct PyIkTrace {
     trace: IkTrace,
@@ -517,7 +519,7 @@ impl PyIkTrace {
         Self { trace: IkTrace { q, cost, position_error, orientation_error } }
     }
 
-    /// Where it ended, `(n,)`.
+    /// Final configuration, `(n,)`.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.trace.q)
@@ -589,7 +591,7 @@ pub fn half_angle_minimum(K: f64, a: f64, b: f64, c: f64, d: f64) -> PyResult<(f
     Ok(HalfAngle { whole, half_cos: c, half_sin: d }.minimum())
 }
 
-/// Coefficients of the cost of a pose while a joint about `axis` through `origin` turns it by psi.
+/// Coefficients of the cost of a pose as a function of the angle psi of a joint about `axis` through `origin`.
 ///
 /// `(K, a, b)` for the measure `"axes"` (squared distances of the point and of the three unit axes),
 /// `(K, a, b, c, d)` for `"quaternions"`; for `sinusoid_minimum` and `half_angle_minimum`.
@@ -598,7 +600,7 @@ pub fn half_angle_minimum(K: f64, a: f64, b: f64, c: f64, d: f64) -> PyResult<(f
 ///     axis: Direction `(3,)` of the joint's axis, world axes.
 ///     origin: A point `(3,)` on the axis, m.
 ///     pose: Pose `(4, 4)` of the tool at psi = 0.
-///     target: Pose `(4, 4)` that is wanted.
+///     target: Desired pose `(4, 4)`.
 ///     position_weight: Weight of the squared distance, 1/m^2.
 ///     orientation_weight: Weight of the orientation.
 ///     measure: `"axes"` or `"quaternions"`.

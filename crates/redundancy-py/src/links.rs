@@ -20,7 +20,8 @@ const BLOCK: usize = 4_096;
 /// The body of an arm: the shapes of its links, and the pairs of links that must not touch. Immutable.
 ///
 /// Capsules of one radius from joint to joint and from the last joint to the tool, or the collision geometry of a
-/// URDF; with more shapes (a tool, a hose, a camera) where wanted. It goes where `links` or `link_radius` go.
+/// URDF; more shapes can be added (a tool, a hose, a camera). It is accepted by every argument `links` or
+/// `link_radius`.
 ///
 /// The pairs of capsules are those that are apart in the middle of the joints' ranges and do not overlap in more than
 /// 95 % of 1 000 seeded configurations.
@@ -79,21 +80,23 @@ impl PyLinkGeometry {
 
     /// The collision geometry of a URDF file: spheres, capsules, cylinders, boxes and meshes (STL, OBJ, DAE).
     ///
-    /// Links count that move with the chain, stand with it (a torso, a pedestal), are beyond its tip, or hang on joints
-    /// that are not its own (fingers, a head).
+    /// Includes links that move with the chain, links that stand still (a torso, a pedestal), links beyond the tip,
+    /// and links on joints outside of the chain (fingers, a head).
     ///
     /// Args:
     ///     chain: The chain that was read from it, or one with links of the same names.
     ///     path: The file.
-    ///     meshes: What meshes become: their convex hull, convex pieces, or an error.
-    ///     package_dirs: Folders that hold packages (or are one), for `package://` names; also for relative ones. After
-    ///         them `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and the folders above the file are searched.
-    ///     srdf: A file whose `disable_collisions` say which links may touch. Without it the pairs are found: left out
-    ///         are links that a joint connects, that touch in more than 95 % of 10 000 seeded configurations, or that
-    ///         never come nearer than 20 mm in them.
-    ///     padding: Every shape counts with everything within this distance, m.
-    ///     posture: Positions of joints that are not the chain's (rad or m); those that are not named are at the
-    ///         position nearest to 0 within their limits, or follow the joint that they mimic.
+    ///     meshes: How meshes are read: `"hull"` as their convex hull, `"decompose"` as convex pieces, `"refuse"` as
+    ///         an error.
+    ///     package_dirs: Folders in which packages are searched for mesh files named `package://<package>/...` (a
+    ///         folder may also be the package itself), and for relative names. After them `ROS_PACKAGE_PATH`,
+    ///         `AMENT_PREFIX_PATH` and the folders above the file are searched.
+    ///     srdf: A file whose `disable_collisions` name the links that may touch. Without it the pairs are found by
+    ///         sampling: pairs of links are left out if a joint connects them, if they touch in more than 95 % of 10
+    ///         000 seeded configurations, or if they never come nearer than 20 mm in them.
+    ///     padding: Distance by which every shape is enlarged, m.
+    ///     posture: Positions of joints outside of the chain (rad or m); joints that are not named take the position
+    ///         nearest to 0 within their limits, or follow the joint that they mimic.
     ///
     /// Raises:
     ///     RedundancyError: A file that is no URDF or SRDF, none of its links in the chain, no collision geometry, an
@@ -123,11 +126,11 @@ impl PyLinkGeometry {
     /// Args:
     ///     chain: The chain that was read from it, or one with links of the same names.
     ///     xml: The text.
-    ///     meshes: As of `from_urdf`, like all that follows.
-    ///     package_dirs: As of `from_urdf`.
-    ///     srdf: As of `from_urdf`.
-    ///     padding: As of `from_urdf`, m.
-    ///     posture: As of `from_urdf`, rad or m.
+    ///     meshes: As for `from_urdf`, like all arguments that follow.
+    ///     package_dirs: As for `from_urdf`.
+    ///     srdf: As for `from_urdf`.
+    ///     padding: As for `from_urdf`, m.
+    ///     posture: As for `from_urdf`, rad or m.
     #[staticmethod]
     #[pyo3(signature = (chain, xml, meshes="hull", package_dirs=vec![], srdf=None, padding=0.0, posture=None),
         text_signature = "(chain, xml, meshes='hull', package_dirs=(), srdf=None, padding=0.0, posture=None)")]
@@ -171,12 +174,13 @@ impl PyLinkGeometry {
 
     /// With one more shape: a tool, a hose, a camera.
     ///
-    /// A link that had no shape before gets its pairs found. A mesh counts as its hull or its convex pieces.
+    /// For a link that had no shape before, the pairs are found by sampling. A mesh counts as its hull or its convex
+    /// pieces.
     ///
     /// Args:
     ///     link: Name of a link of the chain.
-    ///     shape: What its numbers say is meant in the frame `pose` of the link.
-    ///     pose: In the frame of the link; the link's own frame when left out.
+    ///     shape: A shape, in the coordinates of the frame `pose`.
+    ///     pose: Pose of the shape's coordinates in the frame of the link; the link's frame by default.
     #[pyo3(signature = (link, shape, pose=None))]
     fn with_shape(
         &self,
@@ -211,7 +215,7 @@ impl PyLinkGeometry {
         self.geometry.pairs().iter().map(|pair| self.names_of(pair)).collect()
     }
 
-    /// Pairs of links that are not looked at, and why: Adjacent, Always, Never, Default, User.
+    /// Pairs of links that are not checked, and why: Adjacent, Always, Never, Default, User.
     #[getter]
     fn left_out(&self) -> Vec<(String, String, &'static str)> {
         let one = |(pair, reason): &([usize; 2], redundancy_core::scene::Reason)| {
@@ -221,17 +225,17 @@ impl PyLinkGeometry {
         self.geometry.left_out().iter().map(one).collect()
     }
 
-    /// The pairs that are not looked at, as the text of an SRDF file.
+    /// The pairs that are not checked, as the text of an SRDF file.
     fn to_srdf(&self) -> String {
         self.geometry.to_srdf(self.chain.get().chain.name())
     }
 
-    /// How near the links come to each other.
+    /// Least distance between links.
     ///
     /// Args:
     ///     q: `(n,)` or `(N, n)`.
-    ///     cutoff: Pairs farther apart are not told apart, m; faster. All when left out.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     cutoff: Distances above this one are not computed, which is faster, m. No cutoff by default.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, cutoff=None, *, threads=None))]
     fn self_clearance<'py>(
         &self,
@@ -258,7 +262,7 @@ impl PyLinkGeometry {
     /// Args:
     ///     q: `(n,)` or `(N, n)`.
     ///     cutoff: m; all pairs when left out.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, cutoff=None, *, threads=None))]
     fn pair_clearances<'py>(
         &self,
@@ -347,13 +351,14 @@ pub fn geometry_of(given: &Bound<'_, PyLinkGeometry>, chain: &Chain) -> PyResult
     if made_for != chain {
         let (other, own) = (made_for.name(), chain.name());
         return Err(to_py(Error::Invalid(format!(
-            "links is a LinkGeometry of '{other}', not of this '{own}'"
+            "links is a LinkGeometry of the chain '{other}', not of this chain '{own}': make it from the chain with the \
+             same base, joints and tool"
         ))));
     }
     Ok(given.get().geometry.clone())
 }
 
-/// How near the links of an arm are to each other: of one configuration, or arrays for N of them.
+/// Least distance between links of an arm: for one configuration, or arrays for N of them.
 #[pyclass(name = "SelfClearanceResult", module = "redundancy", frozen)]
 pub struct PySelfClearance {
     rows: Vec<SelfClearance>,
@@ -374,7 +379,7 @@ impl PySelfClearance {
 
 #[pymethods]
 impl PySelfClearance {
-    /// The least signed distance, m: negative where links touch; the cutoff where all are farther apart.
+    /// The least signed distance, m: negative if links overlap; the cutoff if all are farther apart.
     #[getter]
     fn distance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let values: Vec<f64> = self.rows.iter().map(|row| row.distance).collect();
@@ -436,7 +441,7 @@ impl PySelfClearance {
     }
 }
 
-/// Pairs of links that are near each other, one after the other.
+/// All pairs of links within the cutoff, as arrays.
 #[pyclass(name = "PairClearances", module = "redundancy", frozen)]
 #[derive(Default)]
 pub struct PyPairClearances {
@@ -461,7 +466,7 @@ impl PyPairClearances {
         self.pairs.clone()
     }
 
-    /// Signed distances `(k,)`, m: of the nearest shapes of the two links.
+    /// Signed distances `(k,)`, m, of the nearest shapes of the two links.
     #[getter]
     fn distance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.distance)

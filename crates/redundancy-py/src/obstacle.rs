@@ -93,9 +93,9 @@ macro_rules! obstacle_class {
 /// Args:
 ///     center: `(3,)`, m, world axes.
 ///     radius: m, not negative.
-///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
 ///     name: Any text.
-///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+///     attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
 #[pyclass(name = "Sphere", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PySphere {
@@ -154,10 +154,10 @@ obstacle_class!(PySphere, {
 ///
 /// Args:
 ///     pose: Its centre and its axes.
-///     half_extents: `(3,)`, half of its edges, m.
-///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     half_extents: `(3,)`, half of its edge lengths, m.
+///     velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
 ///     name: Any text.
-///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+///     attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
 #[pyclass(name = "Box", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyBox {
@@ -201,7 +201,7 @@ obstacle_class!(PyBox, {
         pose_array(py, &self.cuboid.pose)
     }
 
-    /// Half of its edges `(3,)`, m.
+    /// Half of its edge lengths `(3,)`, m.
     #[getter]
     fn half_extents<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.cuboid.half_extents.as_slice())
@@ -220,9 +220,9 @@ obstacle_class!(PyBox, {
 ///     start: `(3,)`, m, world axes.
 ///     end: `(3,)`, m.
 ///     radius: m, not negative.
-///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
 ///     name: Any text.
-///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+///     attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
 #[pyclass(name = "Capsule", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyCapsule {
@@ -292,12 +292,12 @@ obstacle_class!(PyCapsule, {
 /// A cylinder with any orientation.
 ///
 /// Args:
-///     pose: Its centre and its axes; it is round about z.
+///     pose: Its centre and its axes; z is the axis of the cylinder.
 ///     radius: m, not negative.
 ///     half_length: Half of its length, m, not negative.
-///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
 ///     name: Any text.
-///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+///     attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
 #[pyclass(name = "Cylinder", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyCylinder {
@@ -336,7 +336,7 @@ obstacle_class!(PyCylinder, {
         Self::made(cylinder, extra_of(velocity, name, attached_to)?)
     }
 
-    /// Centre and axes `(4, 4)`; it is round about z.
+    /// Centre and axes `(4, 4)`; z is the axis of the cylinder.
     #[getter]
     fn pose<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         pose_array(py, &self.cylinder.pose)
@@ -366,7 +366,7 @@ obstacle_class!(PyCylinder, {
 /// Args:
 ///     point: `(3,)`, a point of the plane, m, world axes.
 ///     normal: `(3,)`, away from the solid side; its length does not matter.
-///     velocity: `(3,)`, m/s, of one that moves.
+///     velocity: `(3,)`, m/s, of a moving one.
 ///     name: Any text.
 #[pyclass(name = "HalfSpace", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
@@ -426,18 +426,18 @@ obstacle_class!(PyHalfSpace, {
 
 /// Triangles.
 ///
-/// A closed convex mesh counts as its hull. Another one counts as its triangles and, where it is closed, as what they
-/// enclose (`solid="exact"`); or as its convex hull (`"hull"`), or as convex pieces that contain its surface together
-/// (`"decompose"`, which takes seconds the first time).
+/// A closed convex mesh is its own hull. For any other mesh, `solid` chooses: `"exact"` (its triangles and, if it is
+/// closed, the volume inside), `"hull"` (its convex hull), or `"decompose"` (convex pieces that together contain its
+/// surface; this takes seconds the first time).
 ///
 /// Args:
 ///     vertices: `(V, 3)`, m.
 ///     faces: `(F, 3)`, vertex indices from 0.
-///     pose: Where the coordinates of the vertices are.
+///     pose: Pose of the frame in which the vertices are given.
 ///     solid: `exact`, `hull` or `decompose`.
-///     velocity: `(3,)`, m/s, of an obstacle that moves; it does not turn.
+///     velocity: `(3,)`, m/s, of a moving obstacle; it does not rotate.
 ///     name: Any text.
-///     attached_to: Name of the link that carries it; its numbers then count in the frame of that link.
+///     attached_to: Name of the link that carries it; its coordinates are then those of that link's frame.
 ///
 /// Raises:
 ///     RedundancyError: No face, an index that is no vertex, a vertex that is not finite.
@@ -511,10 +511,10 @@ obstacle_class!(PyMesh, {
     ///
     /// Args:
     ///     path: The file.
-    ///     scale: Factor of its numbers; they are m then.
-    ///     pose: Where its coordinates are.
-    ///     solid: As of the class.
-    ///     velocity: `(3,)`, m/s, of an obstacle that moves.
+    ///     scale: Factor that converts its coordinates to m.
+    ///     pose: Pose of the frame of its coordinates.
+    ///     solid: As for the class.
+    ///     velocity: `(3,)`, m/s, of a moving obstacle.
     ///     name: For reports and `allowed`.
     ///     attached_to: Link that carries it.
     ///
@@ -557,19 +557,19 @@ obstacle_class!(PyMesh, {
         Ok(to_array(py, faces.as_flattened(), [faces.len(), 3])?.into_any())
     }
 
-    /// Where its coordinates are `(4, 4)`.
+    /// Pose `(4, 4)` of the frame of its coordinates.
     #[getter]
     fn pose<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         pose_array(py, &self.mesh.pose)
     }
 
-    /// What it stands for.
+    /// How it counts: `"exact"`, `"hull"` or `"decompose"`.
     #[getter]
     fn solid(&self) -> &'static str {
         self.mesh.solid().as_str()
     }
 
-    /// Number of convex pieces; 0 where its triangles count one by one.
+    /// Number of convex pieces; 0 for `"exact"`.
     #[getter]
     fn pieces(&self) -> usize {
         self.mesh.pieces()

@@ -33,9 +33,9 @@ fn task_or_pose(task: Option<&Bound<'_, PyAny>>) -> PyResult<Task> {
     task.map_or(Ok(Task::POSE), read_task)
 }
 
-/// What a configuration is to a criterion among the configurations with the same task value.
+/// What kind of point a configuration is for a criterion, among the configurations with the same task value.
 ///
-/// Pickles.
+/// Can be pickled.
 #[pyclass(name = "Classification", module = "redundancy", frozen)]
 pub struct PyClassification {
     at: Classification,
@@ -115,7 +115,7 @@ impl PyClassification {
     }
 }
 
-/// What `q` is to `criterion` among the configurations with the same task value.
+/// What kind of point `q` is for `criterion`, among the configurations with the same task value.
 ///
 /// With the multipliers `lambda = (J J^T)^-1 J grad h` the reduced Hessian is
 /// `W = N^T (Hess h - sum_k lambda_k Hess f_k) N`, N an orthonormal basis of the null space of J [Park1996, eq. (10)
@@ -124,8 +124,8 @@ impl PyClassification {
 /// Args:
 ///     chain: The arm.
 ///     q: `(n,)`, or `(N, n)` for a list of results.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
 ///
 /// Raises:
 ///     RedundancyError: a wrong length, entries that are not finite, a task that leaves no spare freedom.
@@ -163,7 +163,7 @@ pub fn py_classify<'py>(
     }
 }
 
-/// A critical point of a criterion over a pose. Pickles.
+/// A critical point of a criterion for a pose. Can be pickled.
 #[pyclass(name = "CriticalPoint", module = "redundancy", frozen)]
 pub struct PyCriticalPoint {
     pub point: CriticalPoint,
@@ -171,7 +171,7 @@ pub struct PyCriticalPoint {
 
 #[pymethods]
 impl PyCriticalPoint {
-    /// `(n,)`: revolute joints in principal values, unless that breaks a limit and another winding does not.
+    /// `(n,)`: revolute joints in principal values, unless these violate a limit and another winding does not.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.q)
@@ -195,13 +195,13 @@ impl PyCriticalPoint {
         kind_to_py(py, self.point.classification.kind)
     }
 
-    /// `(r,)`, as of `Classification`.
+    /// `(r,)`, as for `Classification`.
     #[getter]
     fn eigenvalues<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.classification.eigenvalues)
     }
 
-    /// `(m,)`, as of `Classification`.
+    /// `(m,)`, as for `Classification`.
     #[getter]
     fn multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.point.classification.multipliers)
@@ -253,14 +253,14 @@ impl PyCriticalPoint {
 /// With one spare freedom the self-motion curves are followed and every zero of the slope is polished by Newton; on
 /// S-R-S arms the curves are the circles of the closed form, so that none is missed, on other arms they are found
 /// from random starts. With more spare freedoms Newton's method runs from random starts. Points outside joint limits
-/// are reported with `within_limits` False; kinematic singularities are no critical points.
+/// are reported with `within_limits` False; kinematic singularities are not critical points.
 ///
 /// Args:
 ///     chain: The arm.
 ///     pose: A pose; for `planar` also `(2,)`, for `position` also `(3,)`.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
-///     seed: Of the random starts.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
+///     seed: Seed of the random starts.
 ///     starts: Number of random starts; default 100.
 ///     step: Largest joint step between the points of a curve at which the slope is computed; default 0.1.
 ///
@@ -297,7 +297,7 @@ pub fn py_constrained_optima(
     Ok(points.into_iter().map(|point| PyCriticalPoint { point }).collect())
 }
 
-/// The sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Pickles.
+/// Sufficient condition of [Park1996, eqs (8), (9), (11)] by cofactors, for one spare freedom. Can be pickled.
 #[pyclass(name = "CofactorCondition", module = "redundancy", frozen)]
 pub struct PyCofactorCondition {
     at: CofactorCondition,
@@ -343,8 +343,8 @@ impl PyCofactorCondition {
 /// Args:
 ///     chain: The arm.
 ///     q: Joint positions `(n,)`, rad or m.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
 ///
 /// Raises:
 ///     RedundancyError: a task that leaves another number of freedoms, a wrong length, entries that are not finite.
@@ -370,12 +370,12 @@ pub fn py_cofactor_condition(
     Ok(PyCofactorCondition { at })
 }
 
-/// A critical point followed along a path: a plan with one row per path point up to its stop. Pickles.
+/// A critical point followed along a path: a plan with one row per path point up to its stop. Can be pickled.
 ///
-/// The last event of one that stopped is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is the
-/// path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints leave
-/// their limits or return. `status` is `converged` when the path was finished within the limits, `singular` at a stop,
-/// `limits` where a joint breaks a position limit, or a speed limit at the path's times.
+/// If it stopped early, the last event is an `algorithmic_singularity` or a `kinematic_singularity`; its `index` is
+/// the path point that was not reached, its `s` and `t` are exact. `joint_limit` events mark rows at which joints
+/// leave their limits or return. `status` is `converged` if the path was completed within the limits, `singular` if
+/// it stopped early, `limits` if a joint violates a position limit, or a speed limit at the path's times.
 #[pyclass(name = "FollowedOptimum", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyFollowedOptimum {
     followed: FollowedOptimum,
@@ -392,13 +392,13 @@ impl PyFollowedOptimum {
 
 #[pymethods]
 impl PyFollowedOptimum {
-    /// What the critical point is; the same all along.
+    /// Kind of the critical point; the same along the whole path.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         kind_to_py(py, self.followed.kind)
     }
 
-    /// Whether the path was finished.
+    /// Whether the path was completed.
     #[getter]
     fn completed(&self) -> bool {
         self.followed.stop.is_none()
@@ -474,20 +474,20 @@ fn follow_settings(step: Option<f64>) -> FollowSettings {
 
 /// Follows the critical point of `criterion` next to `q0` along `path`: the extended Jacobian, exactly.
 ///
-/// Every row lies on the path and on the critical locus to rounding, so closed paths are closed in the joints. It stops
-/// where the critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses
-/// rank (kinematic singularity), and never jumps across.
+/// Every row is on the path and critical to rounding, so closed paths are closed in the joints. It stops where the
+/// critical point meets another one and both vanish (algorithmic singularity) or where the Jacobian loses rank
+/// (kinematic singularity), and never jumps across such a point.
 ///
 /// Args:
 ///     chain: The arm.
-///     path: What the tool does; without orientations for `position` and `planar`.
-///     q0: `(n,)`: a critical point over the path's start, to about 0.02 rad; see `constrained_optima`.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
+///     path: Path of the tool; for `position` and `planar` it needs no orientations.
+///     q0: `(n,)`: a critical point for the start of the path, to about 0.02 rad; see `constrained_optima`.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
 ///     step: Largest step in the joints, from 1e-4 to 0.5; default 0.05.
 ///
 /// Raises:
-///     RedundancyError: a `q0` that is no critical point over the start, a path without the orientations that the
+///     RedundancyError: a `q0` that is not a critical point for the start, a path without the orientations that the
 ///         task needs, a task that leaves no spare freedom, invalid settings.
 ///
 /// Example:
@@ -523,7 +523,7 @@ pub fn py_follow_optimum<'py>(
     PyFollowedOptimum::new_bound(py, followed, plan)
 }
 
-/// A critical point at a path's start, and how far it can be followed. Pickles.
+/// A critical point at a path's start, and how far it can be followed. Can be pickled.
 #[pyclass(name = "RankedStart", module = "redundancy", frozen)]
 pub struct PyRankedStart {
     point: Py<PyCriticalPoint>,
@@ -567,27 +567,27 @@ impl PyRankedStart {
         self.point.get().kind(py)
     }
 
-    /// Whether the path is finished from here.
+    /// Whether the path is completed from here.
     ///
-    /// False as well where a joint leaves its limits on the way: `status` and `reason` say so.
+    /// Also False if a joint leaves its limits: `status` and `reason` say so.
     #[getter]
     fn completed(&self, py: Python<'_>) -> bool {
         self.plan(py).status() == Status::Converged
     }
 
-    /// `converged`, `singular` where the critical point vanishes, `limits` where a joint breaks a limit.
+    /// `converged`, `singular` if the critical point vanishes, `limits` if a joint violates a limit.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.plan(py).status())
     }
 
-    /// What keeps it from completing the path; empty when it does.
+    /// Why the path is not completed; empty if it is.
     #[getter]
     fn reason(&self, py: Python<'_>) -> String {
         self.plan(py).reason().into()
     }
 
-    /// What following it gave.
+    /// The critical point followed along the path.
     #[getter]
     fn trajectory(&self, py: Python<'_>) -> Py<PyFollowedOptimum> {
         self.trajectory.clone_ref(py)
@@ -605,20 +605,20 @@ impl PyRankedStart {
     }
 }
 
-/// Follows every critical point over the start of `path`.
+/// Follows every critical point for the start of `path`, and sorts them.
 ///
-/// Those that finish it come first, among them those of the kind that the criterion asks for, then the best value;
-/// those that stop come after, the furthest first, and last those that leave the joint limits. The result is a list
-/// with `status` and `reason`: why it is empty, or why no start completes the path.
+/// First come those that complete the path, ordered by whether they are of the kind that the criterion asks for, then
+/// by value; next those that stop, the one that gets farthest first; last those that leave the joint limits. The
+/// result is a list with `status` and `reason`: why it is empty, or why no start completes the path.
 ///
 /// Args:
 ///     chain: The arm.
-///     path: What the tool does.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
-///     seed: As of `constrained_optima`.
-///     starts: As of `constrained_optima`.
-///     step: As of `follow_optimum`.
+///     path: Path of the tool.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
+///     seed: As for `constrained_optima`.
+///     starts: As for `constrained_optima`.
+///     step: As for `follow_optimum`.
 ///     threads: Number of threads; None: all cores.
 ///
 /// Raises:
@@ -699,7 +699,7 @@ fn start_out_of_reach(chain: &Chain, pose: &Pose, task: Task, seed: u64) -> PyRe
     })
 }
 
-/// A configuration at which a critical point vanishes: an algorithmic singularity. Pickles.
+/// A configuration at which a critical point vanishes: an algorithmic singularity. Can be pickled.
 #[pyclass(name = "SingularPoint", module = "redundancy", frozen)]
 pub struct PySingularPoint {
     point: SingularPoint,
@@ -771,16 +771,17 @@ fn run_search(py: Python<'_>, search: &mut SingularitySearch<'_>, threads: Optio
 
 /// Where critical points of `criterion` vanish, for any value of the task.
 ///
-/// The equations `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do
-/// not depend on the first joint the points are isolated, each a circle about the base; else they are samples.
+/// Solves `mu = 0`, `det W = 0` by Newton's method from random starts. For planar positions and criteria that do not
+/// depend on the first joint, the points are isolated, and each stands for a circle about the base; otherwise they
+/// are samples of a set.
 ///
 /// Args:
 ///     chain: The arm.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
-///     seed: Of the random starts.
-///     starts: Most random starts; default 2000. Isolated points count as complete when three in four starts, and at
-///         least 256, have found nothing new.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
+///     seed: Seed of the random starts.
+///     starts: Most random starts; default 2000. The search for isolated points ends when three quarters of the
+///         starts, and at least 256, have found nothing new.
 ///     threads: Number of threads; None: all cores. The result does not depend on it.
 ///
 /// Raises:
@@ -812,7 +813,7 @@ pub fn py_algorithmic_singularities(
     Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
 }
 
-/// Configurations at which critical points vanish, in order. Pickles; `len()` is the number of rows.
+/// Configurations at which critical points vanish, in order. Can be pickled; `len()` is the number of rows.
 #[pyclass(name = "SingularityCurve", module = "redundancy", frozen)]
 pub struct PySingularityCurve {
     curve: SingularityCurve,
@@ -827,7 +828,9 @@ impl PySingularityCurve {
         Self { curve: SingularityCurve { q, closed, first_joint_free }, n }
     }
 
-    /// `(N, n)`: joints run on beyond half a turn where whole turns make no difference to the criterion.
+    /// `(N, n)`: configurations.
+    ///
+    /// Joints change continuously, beyond half a turn where whole turns make no difference to the criterion.
     ///
     /// The first joint is zero where it is free. The last row of a closed curve is the first one, up to whole turns.
     #[getter]
@@ -835,7 +838,7 @@ impl PySingularityCurve {
         to_array(py, &self.curve.q, [self.__len__(), self.n])
     }
 
-    /// Whether it ends where it began.
+    /// Whether the curve is closed.
     ///
     /// An open curve ends where the arm is singular, where it crosses another one, or, for criteria of joint values,
     /// where a joint changes its winding.
@@ -875,10 +878,10 @@ impl PySingularityCurve {
 ///
 /// Args:
 ///     chain: The arm.
-///     criterion: What is small or large.
-///     task: Which coordinates are held; default the pose.
+///     criterion: The criterion.
+///     task: Which coordinates are kept; the pose by default.
 ///     step: Largest step between rows, rad or m.
-///     seed: Of the random starts.
+///     seed: Seed of the random starts.
 ///     starts: Number of random starts; default 2000.
 ///     threads: Number of threads; None: all cores. The result does not depend on it.
 ///

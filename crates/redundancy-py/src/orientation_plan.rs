@@ -64,7 +64,7 @@ impl PyOrientationPlan {
         this.as_super().get().plan.trajectory().joint_names().get(joint).cloned()
     }
 
-    /// Index of the joint that allows no more; `None` where it is the rate of the orientation.
+    /// Index of the limiting joint; `None` if the rate of the orientation is the limit.
     #[getter]
     fn limiting_joint(&self) -> Option<usize> {
         self.bottleneck?.bound.joint()
@@ -79,7 +79,7 @@ impl PyOrientationPlan {
         }
     }
 
-    /// The row where that happens.
+    /// The row at which the limit is reached.
     #[getter]
     fn at(&self) -> usize {
         self.bottleneck.map_or(0, |at| at.row)
@@ -157,18 +157,19 @@ pub enum SpinArgument {
 ///
 /// Args:
 ///     chain: The arm, six or seven joints, with inertias.
-///     path: The cone stands on its orientations; a path of positions has the tool axis down, or `orientation`.
+///     path: Poses, whose tool axes are the axes of the cone; on a path of positions the tool points down, or has
+///         `orientation`.
 ///     half_angle: Largest tilt, rad, in [0, pi/2).
 ///     spin: `"free"`, or the largest angle about the tool axis from the path's orientation, rad.
 ///     tool: Pose of the tool in the last link, instead of the chain's.
 ///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
-///     torque_margin: Share of the torque limits that is kept free.
+///     torque_margin: Share of the torque limits that is kept in reserve.
 ///     velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
-///     joint_limits: Whether the position limits hold.
+///     joint_limits: Whether the position limits are imposed.
 ///     max_rate: Largest rate of the tool's orientation, rad/s.
 ///     time_limit: Seconds after which the best plan so far is returned.
 ///     threads: Threads; all cores when left out.
-///     orientation: `(3, 3)` for the whole path, instead of its own.
+///     orientation: `(3, 3)` for the whole path, instead of the path's own.
 ///     gravity: m/s^2, world axes.
 ///     progress: Called about 20 times a second with the share of the time and the highest speed so far (m/s).
 ///

@@ -41,10 +41,9 @@ pub fn combined<'py>(
 
 /// Intersections and unions of cones and quaternion volumes: `A & B`, `A | B`.
 ///
-/// Membership, margin, nearest member and uniform samples of what several sets have in common, or hold together. Made
-/// by `&` and `|` of `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The
-/// papers define the parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`,
-/// `(4,)` or `(N, 4)`.
+/// Membership, margin, nearest member and uniform samples of the intersection or the union. Made by `&` and `|` of
+/// `Cone`, `QuaternionVolume` and `OrientationSet`; `IkSolver` takes it as `orientation_set`. The papers define the
+/// parts (From and Gravdahl 2007, section 3; 2009, section III). Quaternions are `(w, x, y, z)`, `(4,)` or `(N, 4)`.
 ///
 /// Example:
 ///     >>> import redundancy as rd
@@ -77,7 +76,7 @@ impl PyOrientationSet {
         if matches!(self.set, OrientationSet::Any(_)) { "or" } else { "and" }
     }
 
-    /// What it is made of: cones, volumes and sets of the other operation.
+    /// The parts: cones, volumes and sets of the other operation.
     #[getter]
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let parts = self.children().iter().map(|part| match part {
@@ -133,9 +132,10 @@ impl PyOrientationSet {
 
     /// The member nearest to `q`, on its side of the double cover; `q` itself when it is a member.
     ///
-    /// Of a union of volumes and cones it is the nearest of the parts'. Of an intersection it is the best of a local
-    /// search: the nearest member of one part where that lies in the others, else a point on an edge between parts,
-    /// found by alternating projections. A nearer member may exist elsewhere, where the set is not convex.
+    /// For a union of volumes and cones it is the nearest of the parts' nearest members. For an intersection it is
+    /// the result of a local search: the nearest member of one part if that lies in the others, otherwise a point on
+    /// an edge between parts, found by alternating projections. Since the set need not be convex, a nearer member may
+    /// exist elsewhere.
     ///
     /// Args:
     ///     q: `(w, x, y, z)`, `(4,)` or `(N, 4)`, unit norm.
@@ -145,7 +145,7 @@ impl PyOrientationSet {
     ///     `(4,)` or `(N, 4)`.
     ///
     /// Raises:
-    ///     RedundancyError: A quaternion that is not of unit norm; an intersection of which no member is found.
+    ///     RedundancyError: A quaternion that is not of unit norm; an intersection in which no member is found.
     #[pyo3(signature = (q, *, threads=None))]
     fn nearest<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_rows::<f64, 4>(q, "q (w, x, y, z)", &[4], threads, |row, out| {
@@ -170,7 +170,7 @@ impl PyOrientationSet {
     ///     `(n, 4)`, `(w, x, y, z)`.
     ///
     /// Raises:
-    ///     RedundancyError: No member among 200 000 draws: the set is empty, or too small beside its parts.
+    ///     RedundancyError: No member among 200 000 draws: the set is empty, or much smaller than its parts.
     #[pyo3(signature = (n, seed=0))]
     fn sample<'py>(
         &self,

@@ -31,7 +31,7 @@ use crate::status::event_kind_to_py;
 /// Args:
 ///     poses: `(N, 4, 4)`, a list of SE3-like objects, or `(N, 3)` positions, m.
 ///     s: `(N,)` arc length, m; summed from the distances when left out.
-///     t: `(N,)` times, s, increasing; a path without times is timed by the arm's velocity limits.
+///     t: `(N,)` times, s, increasing; a path without times gets them from the arm's velocity limits.
 ///     positions: `(N, 3)`, m, instead of `poses`.
 ///     quaternions_wxyz: `(N, 4)`, scalar first, beside `positions`, or `(4,)` for all; a path of positions when left
 ///         out.
@@ -103,8 +103,8 @@ impl PyPath {
 
     /// Read a CSV file with a header line and the columns `x,y,z`, `qw,qx,qy,qz` and, where wanted, `s` and `t`.
     ///
-    /// The columns stand in any order; metres, seconds. The four quaternion columns may be absent together: a path
-    /// of positions. Quaternions within 1e-3 of unit norm are normalised.
+    /// The order of the columns is arbitrary; metres, seconds. The four quaternion columns may be absent together: a
+    /// path of positions. Quaternions within 1e-3 of unit norm are normalised.
     ///
     /// Raises:
     ///     FileFormatError: What is wrong, with the file's name and line.
@@ -232,14 +232,14 @@ impl PyPath {
         self.path.reversed().map(Self::from).map_err(to_py)
     }
 
-    /// This path and then `other`, each with its own curve: where they meet is a corner, unless they meet smoothly.
+    /// This path and then `other`, each with its own curve, so with a corner where they do not meet smoothly.
     ///
-    /// Where `other` starts at the pose at which this path ends, they share the sample. Where it starts elsewhere, a
-    /// straight line leads there, with the shorter turn. Times of `other` are shifted so that it starts when this path
-    /// ends; across a gap they are kept and must leave room for it.
+    /// If `other` starts at the pose at which this path ends, they share the sample. If it starts elsewhere, a
+    /// straight line with the shorter rotation leads there. Times of `other` are shifted so that it starts when this
+    /// path ends; across a gap they are kept and must leave time for it.
     ///
     /// Raises:
-    ///     RedundancyError: Only one of the two has orientations, or times; a gap without time for it.
+    ///     RedundancyError: Only one of the two paths has orientations, or times; a gap without time for it.
     ///
     /// Example:
     ///     >>> import redundancy as rd
@@ -263,7 +263,7 @@ impl PyPath {
     /// The same path with other times `(N,)`, s, or none.
     ///
     /// Args:
-    ///     t: `(N,)`, s, increasing; None takes the times away.
+    ///     t: `(N,)`, s, increasing; None removes the times.
     #[pyo3(signature = (t))]
     fn with_times(&self, t: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let t = t.map(|t| read_vector(t, "t", None)).transpose()?;
@@ -520,7 +520,7 @@ pub fn paths_raster(
     path.oriented(orientation).map(PyPath::from)
 }
 
-/// Something that happened on the way.
+/// An event along a path or trajectory.
 ///
 /// Args:
 ///     kind: `basis_change`, `damping`, `limit`, `scaled`, `kinematic_singularity`, `algorithmic_singularity`,
@@ -528,7 +528,7 @@ pub fn paths_raster(
 ///     index: Row of the trajectory; where a plan ends early, the path point that was not reached.
 ///     t: Time, s.
 ///     s: Arc length on the path, m; on a self-motion its parameter.
-///     message: What happened, for a person.
+///     message: What happened, as a sentence.
 #[pyclass(name = "Event", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyEvent {
@@ -548,7 +548,7 @@ impl PyEvent {
         Ok(Self { event: Event { kind, index, t, s, message } })
     }
 
-    /// What kind of thing happened.
+    /// Kind of the event.
     #[getter]
     fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         event_kind_to_py(py, self.event.kind)
@@ -572,7 +572,7 @@ impl PyEvent {
         self.event.s
     }
 
-    /// What happened, for a person.
+    /// What happened, as a sentence.
     #[getter]
     fn message(&self) -> &str {
         &self.event.message
@@ -595,9 +595,9 @@ impl From<Event> for PyEvent {
     }
 }
 
-/// Joint positions and velocities over time, one row per instant, with what happened on the way.
+/// Joint positions and velocities over time, one row per instant, with events.
 ///
-/// Between its rows it is a curve, which `sample` gives and on which limits are judged: the cubic polynomial through
+/// Between its rows it is a curve, given by `sample`, on which limits are checked: the cubic polynomial through
 /// positions and velocities of both rows (C1: the acceleration may jump at a row), or, where the rows carry
 /// accelerations, the quintic one through all three (C2).
 ///
@@ -606,7 +606,7 @@ impl From<Event> for PyEvent {
 ///     t: `(N,)` times, s, increasing.
 ///     q: `(N, n)` joint positions, rad or m.
 ///     qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
-///     events: What happened on the way.
+///     events: Events, in order.
 ///     qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
 ///     section: Per row `lead_in`, `path` or `lead_out`.
 ///
@@ -788,10 +788,10 @@ impl PyTrajectory {
 
     /// Position, velocity, acceleration and jerk of the trajectory's own interpolation.
     ///
-    /// Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the rows
-    /// carry accelerations, else the cubic one through position and velocity of both: what ROS's
-    /// `joint_trajectory_controller` makes of the same numbers. Rows are met to the last bit. At a row, acceleration
-    /// (of the cubic) and jerk are those of the interval that begins there.
+    /// Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the
+    /// rows carry accelerations, else the cubic one through position and velocity of both: what ROS's
+    /// `joint_trajectory_controller` makes of the same numbers. The curve passes through the rows exactly. At a row,
+    /// acceleration (of the cubic) and jerk are those of the interval that begins there.
     ///
     /// Args:
     ///     t: Times, s: a number or `(N,)`, from the first row's to the last row's.
@@ -823,7 +823,7 @@ impl PyTrajectory {
         Ok([q?, qd?, qdd?, qddd?])
     }
 
-    /// What happened on the way, in order.
+    /// The events, in order.
     #[getter]
     fn events(&self) -> Vec<PyEvent> {
         self.trajectory.events().iter().cloned().map(PyEvent::from).collect()
@@ -923,7 +923,7 @@ fn read_smoothing(object: &Bound<'_, PyAny>) -> PyResult<usize> {
     object.extract::<Integer>()?.count("smoothing", 0)
 }
 
-/// Times for joint rows, from 0, so that no joint is faster than a share of its velocity limit.
+/// Times for joint rows, from 0, such that no joint exceeds a share of its velocity limit.
 ///
 /// The rate of rows is the largest that the limits allow, smoothed from below over a window of rows.
 ///

@@ -16,17 +16,19 @@ use crate::convert::{Given, read_array, read_rows, read_seed, read_vector, to_ar
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::html;
+use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
 use crate::orientation_plan::SpinArgument;
 use crate::path::{JOINT_COLUMNS, PyPath, PyTrajectory, joint_rows, read_arrays};
+use crate::scene::PyScene;
 use crate::speed::{JointLimits, read_limits};
 use crate::status::status_to_py;
 use crate::task::read_task;
 use crate::watch::watched_aside;
 
-/// How far the tool may lean and spin away from the path's orientation at each point.
+/// How far the tool may tilt and spin away from the path's orientation at each point.
 ///
 /// The tool axis stays within `half_angle` of the path's tool axis. The spin is the twist about the tool axis in the
-/// swing-twist split of `R_path^T R`, continuous along the path. With both 0 the full pose counts.
+/// swing-twist decomposition of `R_path^T R`, continuous along the path. If both are 0, the full pose is kept.
 ///
 /// Args:
 ///     half_angle: Largest angle between the tool axis and the path's, rad, in `[0, pi/2)`.
@@ -100,9 +102,10 @@ impl PyToolFreedom {
     }
 }
 
-/// A motion along a path with its verdict: what every planner and every step-by-step scheme returns.
+/// A motion along a path with status and reason: the result of every planner and every step-by-step scheme.
 ///
-/// A `Trajectory` with what happened to the freedom in each row. A column that the scheme does not know is `None`.
+/// A `Trajectory` that also holds, for each row, how the freedom is used. A column that the scheme does not compute
+/// is `None`.
 ///
 /// Example:
 ///     >>> import numpy as np, redundancy as rd
@@ -152,7 +155,7 @@ impl PyPlan {
         py.import("redundancy._core")?.getattr("retime")?.call((chain, slf), options)
     }
 
-    /// What the planner did: `converged` (continuous, legal, a local optimum), or why not.
+    /// Outcome: `converged` (continuous, legal, a local optimum), or why not.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.plan.status())
@@ -164,21 +167,21 @@ impl PyPlan {
         self.plan.reason()
     }
 
-    /// Whether limits, task, contact and continuity hold on the verification grid, whatever the status.
+    /// Whether limits, task, clearance and continuity hold on the verification grid, independent of the status.
     #[getter]
     fn legal(&self) -> Option<bool> {
         self.plan.legal()
     }
 
-    /// True when the status is exact, False when it is that of the best of a finite search.
+    /// True if the status is exact, False if it is the outcome of a finite search.
     ///
-    /// `converged` says that the motion was verified, not that there is no cheaper one.
+    /// `converged` means that the motion was verified, not that there is no cheaper one.
     #[getter]
     fn proven(&self) -> bool {
         self.plan.proven()
     }
 
-    /// What was minimised, summed over the path, without a unit.
+    /// The minimised cost, summed over the path, without a unit.
     #[getter]
     fn cost(&self) -> Option<f64> {
         self.plan.cost()
@@ -190,7 +193,7 @@ impl PyPlan {
         self.plan.reconfigurations().iter().map(|change| change.row).collect()
     }
 
-    /// Why, for each of them.
+    /// Why each of them is needed.
     #[getter]
     fn reconfiguration_reasons(&self) -> Vec<&str> {
         self.plan.reconfigurations().iter().map(|change| change.reason.as_str()).collect()
@@ -504,8 +507,7 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 /// Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 ///
 /// Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
-/// once,
-/// with `D` the share of the path (of its time, where it has one) and `L` the limit term of docs/planning.md.
+/// once, with `D` the share of the path (of its time, if it has times) and `L` the limit term of docs/planning.md.
 ///
 ///     plan = rd.plan(rd.catalog.load("panda"), path)
 ///     plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
@@ -513,9 +515,15 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 /// Args:
 ///     chain: The arm, of `n` joints.
 ///     path: Poses or positions to follow, one row of the plan for each.
-///     freedom: How far the tool may lean and spin; `None` is the full pose (the position on a path of positions).
+///     freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
+///         positions).
 ///     task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path
 ///         with orientations and may be given with a freedom, which then says how far the tool may leave that pose.
+///     scene: Obstacles; contact is forbidden, between the rows too. Those that move are where the times have them.
+///     links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
+///         joint.
+///     self_collision: Whether links must not touch each other. `"auto"`: if `links` has pairs. `True` without
+///         `links`: the pairs of joint-to-joint capsules that are found by sampling.
 ///     cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
 ///     q_start: Configuration `(n,)` at the first point.
 ///     q_end: Configuration `(n,)` at the last point.
@@ -523,33 +531,38 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///         `speed_weights`, then the motion; needs times).
 ///     motion_weight: Weight of the joint motion. Default 0.5.
 ///     limit_weight: Weight of the distance from the joint limits. Default 1.
-///     criterion: Minimised or maximised along the path, as its sense says.
+///     clearance_weight: Weight of what is missing from the wanted distance, `sum max(0, 1 - d / wanted)^2` over links and
+///         obstacles. Default 10 000.
+///     wanted_clearance: Distance from the obstacles that is wanted, m. What the freedom cannot change does not count.
+///     link_radius: Radius of the capsules where no `links` are given, m. Default 0.05.
+///     criterion: Minimised or maximised along the path, according to its sense.
 ///     criterion_weight: Its weight.
 ///     joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).
 ///     tool_speed: Constant speed of the tool, m/s, instead of the path's times.
-///     velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps where there are times.
-///         `"chain"` takes the chain's, `None` is off. No joint turns by more than an eighth of a turn between rows.
+///     velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; they bound the steps if there are times. `"chain"`
+///         for those of the chain, `None` for off. No joint turns by more than an eighth of a turn between rows.
 ///     speed_weights: Weight `(n,)` of each joint in the peak speed. Default one over its limit.
 ///     margin: Distance kept from every joint position limit, rad or m.
-///     time_limit: Seconds after which the best so far is returned, with status `time_limit`.
+///     time_limit: Seconds after which the best plan so far is returned, with status `time_limit`.
 ///     seed: Seed of the random postures; the same seed gives the same plan.
 ///     threads: Threads to use; all cores by default.
 ///     progress: Called with the share of the work that is done. Ctrl-C returns the best so far.
 ///
 /// Returns:
-///     The plan; its `status` says what was possible.
+///     The plan, with `status` and `reason`.
 ///
 /// Raises:
 ///     RedundancyError: Values out of their range, a freedom that does not apply, ends that are not on the path or
 ///         break
 ///         limits, a closed plan of an open path.
 #[pyfunction(name = "plan")]
-#[pyo3(signature = (chain, path, freedom=None, *, task=None, cyclic=false, q_start=None, q_end=None,
-    objective="motion", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0,
-    joint_weights=None, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
+#[pyo3(signature = (chain, path, freedom=None, *, task=None, scene=None, links=None, self_collision=None, cyclic=false, q_start=None, q_end=None,
+    objective="motion", motion_weight=None, limit_weight=None, clearance_weight=None, wanted_clearance=None, link_radius=None,
+    criterion=None, criterion_weight=1.0, joint_weights=None, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
     speed_weights=None, margin=0.0, time_limit=10.0, seed=0, threads=None, progress=None),
-    text_signature = "(chain, path, freedom=None, *, task=None, cyclic=False, q_start=None, q_end=None, \
-    objective=\"motion\", motion_weight=None, limit_weight=None, criterion=None, criterion_weight=1.0, \
+    text_signature = "(chain, path, freedom=None, *, task=None, scene=None, links=None, self_collision='auto', \
+    cyclic=False, q_start=None, q_end=None, objective=\"motion\", motion_weight=0.5, limit_weight=1.0, \
+    clearance_weight=10000.0, wanted_clearance=0.03, link_radius=0.05, criterion=None, criterion_weight=1.0, \
     joint_weights=None, tool_speed=None, velocity_limits=\"chain\", speed_weights=None, margin=0.0, \
     time_limit=10.0, seed=0, threads=None, progress=None)")]
 pub fn py_plan<'py>(
@@ -558,12 +571,18 @@ pub fn py_plan<'py>(
     path: Given<'py, PyPath>,
     freedom: Option<&Bound<'py, PyToolFreedom>>,
     task: Option<&Bound<'py, PyAny>>,
+    scene: Option<Given<'py, PyScene>>,
+    links: Option<&Bound<'py, PyLinkGeometry>>,
+    self_collision: Option<SelfCollision>,
     cyclic: bool,
     q_start: Option<&Bound<'py, PyAny>>,
     q_end: Option<&Bound<'py, PyAny>>,
     objective: &str,
     motion_weight: Option<f64>,
     limit_weight: Option<f64>,
+    clearance_weight: Option<f64>,
+    wanted_clearance: Option<f64>,
+    link_radius: Option<f64>,
     criterion: Option<Given<'py, PyCriterion>>,
     criterion_weight: f64,
     joint_weights: Option<&Bound<'py, PyAny>>,
@@ -581,6 +600,8 @@ pub fn py_plan<'py>(
     let vector = |object: Option<&Bound<'py, PyAny>>, what: &str| {
         object.map(|values| read_vector(values, what, Some(chain.dof()))).transpose()
     };
+    let links = links.map(|links| geometry_of(links, chain)).transpose()?;
+    let self_collision = SelfCollision::decided(self_collision, links.as_ref())?;
     let default = PlanSettings::default();
     let settings = PlanSettings {
         freedom: freedom.map_or(ToolFreedom::NONE, |freedom| freedom.get().freedom),
@@ -590,6 +611,12 @@ pub fn py_plan<'py>(
         limit_weight: limit_weight.unwrap_or(default.limit_weight),
         criterion: criterion.map(|criterion| criterion.get().criterion.clone()),
         criterion_weight,
+        scene: scene.map(|scene| scene.get().scene.clone()),
+        links,
+        link_radius: link_radius.unwrap_or(default.link_radius),
+        self_collision,
+        wanted_clearance: wanted_clearance.unwrap_or(default.wanted_clearance),
+        clearance_weight: clearance_weight.unwrap_or(default.clearance_weight),
         joint_weights: vector(joint_weights, "joint_weights")?,
         tool_speed,
         velocity_limits: read_limits(

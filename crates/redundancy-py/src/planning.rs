@@ -21,8 +21,8 @@ use crate::watch::watched;
 
 /// A plan of an S-R-S arm with the swivel of each row; `plan_swivel` has one row per path point.
 ///
-/// `converged`; `infeasible`: it takes reconfigurations; `unreachable`, `limits` or `collision`: some points have no
-/// configuration (no rows), or none at the fixed swivel or branch (rows up to there); `time_limit`: no rows.
+/// `converged`; `infeasible`: reconfigurations are needed; `unreachable`, `limits` or `collision`: some points have
+/// no configuration (no rows), or none at the fixed swivel or branch (rows up to there); `time_limit`: no rows.
 #[pyclass(name = "SwivelPlan", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PySwivelPlan;
 
@@ -64,7 +64,7 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
     Bound::new(py, plan_initializer(plan).add_subclass(PySwivelPlan))
 }
 
-/// Plan the swivel along a whole path: away from the limits, on one branch, without a jump.
+/// Plan the swivel along a whole path: on one branch, without jumps, away from the limits.
 ///
 /// Dynamic programming over points x swivels, all branches and windings, then refinement in a shrinking tube. Minimises
 /// `w_l sum L + w_s sum (1 - cos(s - desired)) + w_m sum |dq|^2` per share of the path, with
@@ -73,14 +73,14 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
 /// Args:
 ///     arm: The arm.
 ///     path: With orientations. With times, the joint velocity limits hold between points.
-///     scene: Obstacles; contact is forbidden. Those that move are where the times of the path have them.
+///     scene: Obstacles; contact is forbidden. Moving obstacles are at their positions at the times of the path.
 ///     cyclic: The arm ends in the configuration in which it began; the path must be closed.
-///     desired: Wished swivel, rad: one, or `(N,)`.
-///     wanted_clearance: Distance from the obstacles that is wanted, m (0.03).
-///     link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
+///     desired: Desired swivel, rad: one, or `(N,)`.
+///     wanted_clearance: Wanted distance from the obstacles, m (0.03).
+///     link_radius: Links are capsules of this radius, m (0.05), if no `links` are given.
 ///     links: Shapes of the links, and the pairs that must not touch.
-///     self_collision: Whether links must not touch each other. `"auto"`: where `links` have pairs. `True` without
-///         `links`: the pairs of joint-to-joint capsules that are found.
+///     self_collision: Whether links must not touch each other. `"auto"`: if `links` has pairs. `True` without
+///         `links`: the pairs of joint-to-joint capsules that are found by sampling.
 ///     fixed: Swivel that is kept exactly: one, or `(N,)`; only branch and windings are chosen.
 ///     branch: Keep to these signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+".
 ///     margin: Distance kept from every joint limit, rad.
@@ -89,9 +89,9 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
 ///     limit_weight: w_l (1).
 ///     motion_weight: w_m (0.5).
 ///     swivel_weight: w_s (10 000).
-///     clearance_weight: Price of what is missing from the wanted distance, as a share of it (10 000).
-///     manipulability_weight: Price of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
-///     acceleration_weight: Price of the second differences of the joints, in the refinement (0).
+///     clearance_weight: Weight of the shortfall from the wanted distance, as a share of that distance (10 000).
+///     manipulability_weight: Weight of `(1 - m/m_max)^2` with m the root of det(J J^T) (0).
+///     acceleration_weight: Weight of the second differences of the joints, in the refinement (0).
 ///     progress: Called with the share of the work done.
 ///     time_limit: Seconds after which the search ends without a plan; `None` is off.
 ///
@@ -202,31 +202,31 @@ fn read_branch(given: &Bound<'_, PyAny>) -> PyResult<usize> {
     Ok(signs.iter().zip([4, 2, 1]).map(|(s, bit)| if *s < 0 { bit } else { 0 }).sum())
 }
 
-/// The swivel as a dynamical system beside obstacles: one step at a time.
+/// The swivel from a dynamical system, one step at a time, beside obstacles.
 ///
-/// `"paper"` and `"paper_u"` are Moore & Oztop's eqs (30) to (32) as printed, on s and on u. `"robust"` takes the sine
-/// of the error, the analytic gradient of the distance, forces away from singularities and limits, a rate limit and a
-/// barrier that also sees the obstacles' own motion. All of them decide locally and can be trapped; `plan_swivel`
-/// sees the whole path.
+/// `"paper"` and `"paper_u"` are Moore & Oztop's eqs (30) to (32) as printed, on s and on u. `"robust"` takes the
+/// sine of the error, the analytic gradient of the distance, forces away from singularities and limits, a rate limit
+/// and a barrier that takes the obstacles' own motion into account. All of them decide locally and can be trapped;
+/// `plan_swivel` considers the whole path.
 ///
 /// Args:
 ///     arm: The arm.
-///     desired: Wished swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
+///     desired: Desired swivel, rad: a number, `(N,)` with one per path point, or a callable of the time.
 ///     scene: Obstacles.
 ///     form: `"robust"`, `"paper"`, `"paper_u"`.
-///     link_radius: Links are capsules of this radius, m (0.05), where no `links` are given.
+///     link_radius: Links are capsules of this radius, m (0.05), if no `links` are given.
 ///     links: Shapes of the links, and the pairs that must not touch.
-///     self_collision: Whether links must not touch each other; `"auto"`: where `links` have pairs.
+///     self_collision: Whether links must not touch each other; `"auto"`: if `links` has pairs.
 ///     branch: Signs (shoulder, elbow, wrist), (1, -1, 1) or "+-+"; default "+++".
 ///     tau: Time constant, s (0.1).
-///     lambda_: Paper: share of the wish (0.5).
+///     lambda_: Paper: share of the desired swivel (0.5).
 ///     gain: Paper: k of the force k/|d| (0.02).
 ///     epsilon: Paper: half the difference step, rad (0.001).
-///     weights: Robust: shares of wish, obstacle, singularity, limits (0.4, 0.4, 0.05, 0.15).
+///     weights: Robust: shares of desired swivel, obstacles, singularities, limits (0.4, 0.4, 0.05, 0.15).
 ///     max_rate: Robust: rad/s (3).
 ///     safe_distance: Robust: distance that is kept, m (0.02).
 ///     active_distance: Robust: where the obstacle's force begins, m (0.1).
-///     barrier_rate: Robust: how fast the barrier lets the distance shrink, 1/s (5).
+///     barrier_rate: Robust: bound of the rate at which the distance may shrink, 1/s (5).
 #[pyclass(name = "SwivelFlow", module = "redundancy", frozen)]
 pub struct PySwivelFlow {
     flow: SwivelFlow,
@@ -307,11 +307,11 @@ impl PySwivelFlow {
     ///     pose: The tool pose at `t`.
     ///     s: The swivel before, rad.
     ///     dt: Time since then, s.
-    ///     t: Where obstacles that move are, s.
-    ///     q: `(7,)` joints before. With them the robust form holds the joint speed limits where some swivel within
-    ///         `max_rate` does, as `follow` does.
-    ///     rate: Rate of the swivel before, rad/s. With it the robust form smooths the new one, and beside an obstacle
-    ///         turns round only for more than a small force, as `follow` does.
+    ///     t: Time, for the positions of moving obstacles, s.
+    ///     q: `(7,)` joints before. With them the robust form keeps the joint speed limits if some swivel within
+    ///         `max_rate` allows that, as `follow` does.
+    ///     rate: Rate of the swivel before, rad/s. With it the robust form smooths the new one, and beside an
+    ///         obstacle reverses only for more than a small force, as `follow` does.
     ///
     /// Raises:
     ///     RedundancyError: A pose out of reach, `dt <= 0`, numbers that are not finite.
@@ -348,19 +348,19 @@ impl PySwivelFlow {
         Ok(self.flow.step(&read_pose(pose)?, s, wish, dt, t, &before).map_err(to_py)?.swivel)
     }
 
-    /// Along a path with times, one row every `dt` s.
+    /// Follow a path with times, one row every `dt` s.
     ///
     /// Args:
     ///     path: Tool poses with times.
     ///     s0: Swivel at the first pose, rad.
     ///     dt: Time between rows, s.
-    ///     progress: Is called with the share that is done, 0 to 1.
+    ///     progress: Called with the share of the work done, 0 to 1.
     ///     time_limit: Seconds after which it ends with the rows so far.
     ///
     /// Returns:
-    ///     Rows with `swivel` and `clearance`; `status` is `limits` where the arm left the joint limits, `infeasible`
-    ///     where it ran into an obstacle or a joint was too fast, and `reason` says when and how far. `time_limit`:
-    ///     the rows so far.
+    ///     Rows with `swivel` and `clearance`; `status` is `limits` if the arm left the joint limits, `infeasible` if
+    ///     it ran into an obstacle or a joint was too fast, and `reason` says when and by how much. `time_limit`: the
+    ///     rows so far.
     ///
     /// Raises:
     ///     RedundancyError: A path without times or orientations, a point out of reach.

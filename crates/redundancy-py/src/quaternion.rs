@@ -76,12 +76,14 @@ fn unit(what: &str, wxyz: [f64; 4]) -> Result<UnitQuaternion<f64>> {
     })
 }
 
-/// `a * b`: the rotation b and then, about axes that stand, a. `(4,)` or `(N, 4)` each; one counts for many.
+/// `a * b`: the rotation b and then, about fixed axes, a.
+///
+/// Arguments are `(4,)` or `(N, 4)`; a single quaternion is used for all rows.
 ///
 /// Args:
 ///     a: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
 ///     b: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (a, b, *, threads=None))]
 pub fn quaternion_product<'py>(
@@ -103,7 +105,7 @@ pub fn quaternion_product<'py>(
 ///
 /// Args:
 ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (q, *, threads=None))]
 pub fn quaternion_conjugate<'py>(
@@ -119,12 +121,12 @@ pub fn quaternion_conjugate<'py>(
     })
 }
 
-/// Vectors `(3,)` or `(N, 3)` turned by `(4,)` or `(N, 4)`; one counts for many.
+/// Vectors `(3,)` or `(N, 3)` rotated by `(4,)` or `(N, 4)`; a single one is used for all rows.
 ///
 /// Args:
 ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
 ///     v: `(3,)` or `(N, 3)`, any unit.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (q, v, *, threads=None))]
 pub fn quaternion_rotate<'py>(
@@ -148,7 +150,7 @@ pub fn quaternion_rotate<'py>(
 /// Args:
 ///     axis: `(3,)` or `(N, 3)`, of any length.
 ///     angle: A number or `(N,)`, rad.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (axis, angle, *, threads=None))]
 pub fn quaternion_from_axis_angle<'py>(
@@ -166,11 +168,11 @@ pub fn quaternion_from_axis_angle<'py>(
     })
 }
 
-/// Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of no rotation is z.
+/// Unit axis `(3,)` and angle, rad in [0, pi], or `(N, 3)` and `(N,)`. The axis of the identity is z.
 ///
 /// Args:
 ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (q, *, threads=None))]
 pub fn quaternion_to_axis_angle<'py>(
@@ -201,7 +203,7 @@ pub fn quaternion_to_axis_angle<'py>(
 ///
 /// Args:
 ///     matrix: Rotations `(3, 3)` or `(N, 3, 3)`.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (matrix, *, threads=None))]
 pub fn quaternion_from_matrix<'py>(
@@ -223,7 +225,7 @@ pub fn quaternion_from_matrix<'py>(
 ///
 /// Args:
 ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-///     threads: Threads for a batch; all cores when left out.
+///     threads: Threads for a batch; all cores by default.
 #[pyfunction]
 #[pyo3(signature = (q, *, threads=None))]
 pub fn quaternion_to_matrix<'py>(
@@ -256,7 +258,7 @@ pub fn quaternion_to_matrix<'py>(
 ///
 /// Raises:
 ///     RedundancyError: More than one orientation, wrong shapes, numbers that are not finite; a quaternion or matrix
-///         that is farther off, or a reflection, with the measured value.
+///         that is farther off, or a reflection (the message gives the deviation).
 ///
 /// Example:
 ///     >>> import redundancy as rd

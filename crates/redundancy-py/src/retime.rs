@@ -34,11 +34,10 @@ impl PyRetimed {
         PyClassInitializer::from(base).add_subclass(Self { limiting, path_rows, stops, stretched })
     }
 
-    /// Per row (N): the limit that it comes nearest to.
+    /// Per row (N): the limit that is used most.
     ///
     /// `"velocity:<joint>"`, `"acceleration:<joint>"`, `"jerk:<joint>"`, `"torque:<joint>"` or `"tool_speed"`; None
-    /// where
-    /// nothing moves.
+    /// if nothing moves.
     #[getter]
     fn limiting(&self) -> Vec<Option<String>> {
         self.limiting.clone()
@@ -58,7 +57,7 @@ impl PyRetimed {
         self.stops.clone()
     }
 
-    /// Largest ratio by which a stretch was slowed down evenly after it was solved; 1.0 for none.
+    /// Largest ratio by which a section between two stops was slowed down after it was solved; 1.0 for none.
     #[getter]
     fn stretched(&self) -> f64 {
         self.stretched
@@ -90,16 +89,16 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 
 /// Times for a joint path: as fast as every limit allows, from rest to rest.
 ///
-/// The joint path is the cubic spline through the rows over the length of their chords. What is kept within the limits
-/// is the returned trajectory as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits.
-/// Without jerk limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum.
-/// Rows of the path stay rows, in order; straight lines get rows where their phases change, paths of few rows
-/// get rows in between (`path_rows` says which are the path's own).
+/// The joint path is the cubic spline through the rows, parametrised by chord length. The returned trajectory keeps
+/// the limits as `Trajectory.sample` interpolates it: cubic between the rows, quintic with jerk limits. Without jerk
+/// limits the time law is that of [PhamPham2018]; with them a barrier method finds a local optimum. Rows of the path
+/// stay rows, in order; rows are added where the phases of a straight motion change and between the rows of coarse
+/// paths (`path_rows` gives those of the path).
 ///
 /// Args:
 ///     chain: the arm, `n` joints.
 ///     trajectory: a trajectory or plan whose times are replaced, or joint rows `(N, n)`, rad or m.
-///     tool_speed: largest speed of the tip, m/s; held wherever the joints allow it.
+///     tool_speed: largest speed of the tool, m/s; reached wherever the joints allow it.
 ///     velocity_limits: `(n,)`, rad/s or m/s, "chain" for those of the chain, None for none.
 ///     acceleration_limits: `(n,)`, rad/s^2 or m/s^2, "chain" or None; each joint needs one, or a torque limit.
 ///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3; None lets accelerations jump.
@@ -107,9 +106,10 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 ///     at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
 ///     corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
 ///         turning of a smooth curve from row to row does not count.
-///     dt: rows at these intervals (s) in place of the rows of the path.
-///     rows_between: whether rows may appear between those of the path: where straight lines change their phase, and
-///         where rows are sparse. Without them there is one row per row of the path, and the motion may be slower.
+///     dt: interval (s) of the rows of the result, which then replace those of the path.
+///     rows_between: whether rows may be added between those of the path: where the phases of a straight motion
+///         change, and where rows are sparse. If False, there is one row per row of the path, and the motion may be
+///         slower.
 ///     gravity: `(3,)`, m/s^2, world axes.
 ///
 /// Returns:
@@ -118,7 +118,7 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 /// Raises:
 ///     RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
 ///         neither an acceleration nor a torque limit.
-///     CannotFollowError: a torque limit that does not hold the arm at rest.
+///     CannotFollowError: a torque limit that is too small to hold the arm at rest.
 ///
 /// Example:
 ///     >>> import numpy as np

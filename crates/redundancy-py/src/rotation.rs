@@ -145,7 +145,8 @@ fn put_matrix(m: &Matrix3<f64>, out: &mut [f64]) {
 /// All orientations whose body axis lies within a half-angle of a direction; the spin about the axis is free.
 ///
 /// The margin is `(direction . R(q) body_axis - cos half_angle) / 2`, the paper's `eta^2 - q1^2 - q2^2`
-/// [FromGravdahl2009, eqs. (15), (23), (33)]. `q` is a unit quaternion `(w, x, y, z)`, `(4,)` or `(N, 4)`.
+/// [FromGravdahl2009, eqs. (15), (23), (33)]. `q` is a unit quaternion `(w, x, y, z)`, `(4,)` or `(N, 4)`. For
+/// samples and nearest members take `QuaternionVolume.cone(body_axis, half_angle, direction)`, the same set.
 ///
 /// Args:
 ///     body_axis: `(3,)`, in the body frame, of any length.
@@ -234,7 +235,7 @@ impl PyCone {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn angle<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.angle(q))
@@ -244,7 +245,7 @@ impl PyCone {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.cone.margin(q))
@@ -256,7 +257,7 @@ impl PyCone {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
@@ -268,7 +269,7 @@ impl PyCone {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.cone.hessian(q), out))
@@ -295,11 +296,11 @@ impl PyCone {
     }
 }
 
-/// All orientations turned about a body axis by at most an angle from a reference; its direction is free.
+/// All orientations with at most a given twist about a body axis from a reference; the axis may point anywhere.
 ///
 /// With `r = conj(reference) * q` and `r3` its part along the axis the margin is `kappa^2 - (r3 / r0)^2`,
-/// `kappa = tan(max_angle / 2)` [FromGravdahl2009, eqs. (20), (46)]. Where the axis is turned by half a turn
-/// the spin is undefined and counts as far outside: for a tool that points down the reference must too.
+/// `kappa = tan(max_angle / 2)` [FromGravdahl2009, eqs. (20), (46)]. If the axis is turned over by half a turn, the
+/// spin is undefined and counts as far outside; so for a tool that points down, the reference must point down too.
 ///
 /// Args:
 ///     reference: `(4,)`, unit quaternion `(w, x, y, z)`.
@@ -329,7 +330,7 @@ impl PySpin {
         Ok(Self { spin: Spin::new(quaternion(reference, "reference")?, max_angle, axis).map_err(to_py)? })
     }
 
-    /// The same about an axis given in the frame that `reference` is measured in.
+    /// The same with the axis given in the frame in which `reference` is given.
     ///
     /// Args:
     ///     reference: Unit quaternion `(4,)` from which the twist is measured.
@@ -364,11 +365,11 @@ impl PySpin {
         vector(py, &self.spin.axis())
     }
 
-    /// Twist against the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`.
+    /// Twist relative to the reference, rad in [-pi, pi], 0 where undefined: a float, or `(N,)`.
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn twist<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.twist(q))
@@ -378,7 +379,7 @@ impl PySpin {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.spin.margin(q))
@@ -390,7 +391,7 @@ impl PySpin {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn gradient<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3], threads, |q, out: &mut [f64]| {
@@ -402,7 +403,7 @@ impl PySpin {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn hessian<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[3, 3], threads, |q, out: &mut [f64]| put_matrix(&self.spin.hessian(q), out))
@@ -504,8 +505,8 @@ impl PyQuaternionVolume {
 
     /// Orientations whose body axis `axis` is within `half_angle` (rad) of `direction`.
     ///
-    /// Without `direction` it is `axis` itself, where the identity puts it. The cone around -z is then the one
-    /// around z: for a tool z axis that points down give `cone([0, 0, 1], half_angle, [0, 0, -1])`.
+    /// `direction` is `axis` by default, so the cone is around the identity, and the cone of -z is that of z. For a
+    /// tool z axis that points down give `cone([0, 0, 1], half_angle, [0, 0, -1])`.
     ///
     /// Args:
     ///     axis: `(3,)`, body axes, of any length.
@@ -528,7 +529,7 @@ impl PyQuaternionVolume {
     /// Rotations about the rows of `axes`, `(k, 3)`, with bounds `(k,)` in rad; the first is the outermost.
     ///
     /// Args:
-    ///     axes: `(k, 3)`, k from 1 to 3.
+    ///     axes: `(k, 3)`, k at least 1.
     ///     lower: `(k,)`, rad.
     ///     upper: `(k,)`, rad.
     #[staticmethod]
@@ -553,8 +554,8 @@ impl PyQuaternionVolume {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     tol: How far outside still counts, rad, or in the margin's unit of a cone.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     tol: How far outside still counts as a member, rad (for a cone in the unit of its margin).
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, tol=1e-9, *, threads=None))]
     fn contains<'py>(
         &self,
@@ -568,13 +569,14 @@ impl PyQuaternionVolume {
 
     /// Signed margin, >= 0 inside: a float, or `(N,)`.
     ///
-    /// For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`; pi without any bound,
-    /// and minus the angle (rad) from a set of fewer than three rotations when `q` is off it. With more than three
-    /// rotations, which write `q` in a family of ways, of the way that stays farthest from the bounds (to 1e-9 rad).
+    /// For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`. It is pi without any bound,
+    /// and minus the angle (rad) to the set if there are fewer than three rotations and `q` is outside. With more
+    /// than three rotations there are many ways to write `q`; the margin is that of the way that stays farthest from
+    /// the bounds (to 1e-9 rad).
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn margin<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.volume.margin(q))
@@ -582,11 +584,11 @@ impl PyQuaternionVolume {
 
     /// Angles of `q` in the sequence, rad, `(k,)` or `(N, k)`; for a cone the ZYZ angles seen from its axis.
     ///
-    /// Of the ways to write `q` the one that stays farthest from the bounds.
+    /// If there are several ways to write `q`, the one that stays farthest from the bounds.
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn angles<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         let k = self.volume.dimension();
@@ -603,12 +605,12 @@ impl PyQuaternionVolume {
 
     /// Visualising quaternion `(cos psi/2, sin(psi/2) z)` [FromGravdahl2007, eq. (8)]: `(4,)` or `(N, 4)`.
     ///
-    /// `z` is the rotated last axis (of a cone its axis), `psi` the rotation about it: with `q` it makes the pair
-    /// (Q, V) of the paper.
+    /// `z` is the rotated last axis (of a cone its axis), `psi` the rotation about it. Together with `q` it is the
+    /// pair (Q, V) of the paper.
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn visualising<'py>(
         &self,
@@ -624,7 +626,7 @@ impl PyQuaternionVolume {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn nearest<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[4], threads, |q, out: &mut [f64]| {
@@ -650,7 +652,7 @@ impl PyQuaternionVolume {
         }
     }
 
-    /// `n` members `(n, 4)`, uniform with respect to the invariant measure; the same seed, the same bits.
+    /// `n` members `(n, 4)`, uniform with respect to the invariant measure; the same seed gives the same bits.
     #[pyo3(signature = (n, seed=0))]
     fn sample<'py>(
         &self,
@@ -678,13 +680,13 @@ impl PyQuaternionVolume {
         Ok(values.finish().into_any())
     }
 
-    /// Where the tool axis z meets the plane at `distance` across its undisturbed direction.
+    /// Region in which the tool axis z meets the plane at `distance`, perpendicular to the axis at zero tilt.
     ///
     /// Extents are `distance * sin(tilt)` for a distance along the tool, `distance * tan(tilt)` for one along the
     /// plane's normal [FromGravdahl2007, section 8, corrected].
     ///
     /// Raises:
-    ///     RedundancyError: a tilt of 90 degrees or more, or a volume whose section has no name.
+    ///     RedundancyError: a tilt of 90 degrees or more, or a volume whose section has another shape.
     #[pyo3(signature = (distance, along="tool"))]
     fn cross_section(&self, distance: f64, along: &str) -> PyResult<PyCrossSection> {
         let measured = match along {
@@ -747,7 +749,7 @@ impl PyQuaternionVolume {
     }
 }
 
-/// Where the tool axis of a volume can meet a plane.
+/// Region in which the tool axis of a volume can meet a plane.
 #[pyclass(name = "CrossSection", module = "redundancy", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyCrossSection {
@@ -816,17 +818,17 @@ type OptimizerArguments<'py> = (Bound<'py, PyList>, &'static str);
 ///
 /// Minimises `sum_i weight_i * -log(margin_i(q))` [FromGravdahl2009, eqs. (27), (34), (43), (46)].
 ///
-/// Where the minimiser is not unique (the spin about a common axis of cones) the one that the least rotation
-/// reaches from `q0` is returned, so that a path whose solutions are passed on as `q0` is continuous; without `q0`
-/// it is `swing(u -> z) * [0, 0, 1, 0]` for a first cone around `u`, down.
+/// If the minimiser is not unique (the spin about a common axis of cones), the one that the smallest rotation reaches
+/// from `q0` is returned, so that orientations along a path are continuous if each solution is the next `q0`. Without
+/// `q0` and with a first cone around `u` that points down it is `swing(u -> z) * [0, 0, 1, 0]`.
 ///
 /// Args:
 ///     constraints: pairs (weight, constraint), weight > 0, constraint a `Cone`, a `Spin` or a cone
 ///         `QuaternionVolume`.
-///     method: `auto` takes the closed form where it applies (one or two cones on one body axis below 90 degrees,
-///         with or without a spin about it; a spin alone), else Newton. `closed_form` leaves cones of 90 degrees and
-///         more to Newton and refuses other problems. `newton` is Riemannian Newton on S^3, `gradient` the paper's
-///         method, normalised in every iteration.
+///     method: `auto` takes the closed form if it applies (one or two cones on one body axis below 90 degrees, with
+///         or without a spin about it; a spin alone), otherwise Newton's method. `closed_form` uses Newton's method
+///         for cones of 90 degrees and more and refuses other problems. `newton` is Riemannian Newton on S^3,
+///         `gradient` the paper's method, normalised in every iteration.
 ///     tolerance: Estimated remaining angle, rad, at which the iteration stops. None: 1e-13, gradient 1e-10.
 ///     max_iterations: None: 200, gradient 10 000.
 ///     step: Step of `gradient` in the paper's quaternion units. None: from the cones' sizes.
@@ -888,10 +890,10 @@ impl PyOrientationOptimizer {
         Ok(list)
     }
 
-    /// The minimiser, by iterations from `q0` `(w, x, y, z)` or, where it is outside, from a start that is searched.
+    /// The minimiser, iterated from `q0` `(w, x, y, z)` or, if it is outside, from a feasible start.
     ///
-    /// Constraints that exclude each other give the status `infeasible` and the angle by which they miss, never an
-    /// exception.
+    /// Constraints that exclude each other give the status `infeasible` and the angle by which they miss each other,
+    /// not an exception.
     #[pyo3(signature = (q0=None))]
     fn solve(&self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>) -> PyResult<PyOrientationSolution> {
         let q0 = q0.map(|q| quaternion(q, "q0")).transpose()?;
@@ -905,7 +907,7 @@ impl PyOrientationOptimizer {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn value<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[], threads, |q, out| out[0] = self.optimizer.value(q))
@@ -915,7 +917,7 @@ impl PyOrientationOptimizer {
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (q, *, threads=None))]
     fn margins<'py>(&self, q: &Bound<'py, PyAny>, threads: Option<Threads>) -> PyResult<Bound<'py, PyAny>> {
         map_quaternions(q, &[self.optimizer.barriers().len()], threads, |q, out: &mut [f64]| {
@@ -975,7 +977,7 @@ type SolutionState = ([f64; 4], f64, String, u32, Vec<f64>, f64, f64, String);
 
 #[pymethods]
 impl PyOrientationSolution {
-    /// Orientation `(w, x, y, z)`; when infeasible the one that exceeds the constraints least.
+    /// Orientation `(w, x, y, z)`; when infeasible the one with the smallest violation.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wxyz(py, &self.solution.q)
@@ -1088,18 +1090,19 @@ fn spread(values: &[f64], batch: Option<usize>, n: usize) -> std::borrow::Cow<'_
     }
 }
 
-/// The best tool directions between cones around many pairs of directions.
+/// The best tool axes for many pairs of directions, each with a cone around it.
 ///
 /// Row i minimises `-k_err log((z . n - cos beta)/2) - k_tcp log((z . d - cos alpha)/2)` over unit vectors z
-/// [FromGravdahl2009, eq. (34)]; where the cones miss each other it is the middle of the gap. Runs on all cores
-/// without the GIL; the result does not depend on their number.
+/// [FromGravdahl2009, eq. (34)]; if the cones miss each other, z is the middle of the gap. Runs on all cores without
+/// the GIL; the result does not depend on their number.
 ///
 /// Args:
 ///     normals: `(N, 3)` or `(3,)` for all rows, of any length: directions that the tool axis should follow. For a
 ///         tool that looks at a surface they point into it.
-///     directions: `(N, 3)` or `(3,)`: the wanted directions.
+///     directions: `(N, 3)` or `(3,)`: the desired directions.
 ///     beta: Half-angle around the normals, rad, in (0, pi).
-///     alpha: Half-angle around the wanted directions, rad, in (0, pi). From pi/2 on rows are solved by Newton.
+///     alpha: Half-angle around the desired directions, rad, in (0, pi). From pi/2 on, rows are solved by Newton's
+///         method.
 ///     k_err: Weight of the first barrier, > 0.
 ///     k_tcp: Weight of the second barrier, > 0.
 ///     threads: Number of threads; None: all cores.
@@ -1187,7 +1190,7 @@ angles! {
     ///
     /// Args:
     ///     angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(4,)` or `(N, 4)`.
@@ -1196,7 +1199,7 @@ angles! {
     ///
     /// Args:
     ///     q: Unit quaternions `(4,)` or `(N, 4)`.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(3,)` or `(N, 3)`, rad.
@@ -1205,7 +1208,7 @@ angles! {
     ///
     /// Args:
     ///     angles: `(3,)` or `(N, 3)` angles (a, b, c), rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(4,)` or `(N, 4)`.
@@ -1214,7 +1217,7 @@ angles! {
     ///
     /// Args:
     ///     q: Unit quaternions `(4,)` or `(N, 4)`.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(3,)` or `(N, 3)`, rad.
@@ -1223,7 +1226,7 @@ angles! {
     ///
     /// Args:
     ///     angles: `(3,)` or `(N, 3)` angles (phi, theta, psi), rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(4,)` or `(N, 4)`.
@@ -1232,7 +1235,7 @@ angles! {
     ///
     /// Args:
     ///     q: Unit quaternions `(4,)` or `(N, 4)`.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Returns:
     ///     `(3,)` or `(N, 3)`, rad.
@@ -1257,7 +1260,7 @@ pub fn quaternion_swing_twist<'py>(
     Ok((wxyz(py, &swing), wxyz(py, &twist)))
 }
 
-/// The least rotation from one direction to another; between antipodes half a turn, for z about y.
+/// The smallest rotation from one direction to another; between opposite directions half a turn, for z about y.
 ///
 /// Args:
 ///     start: `(3,)`, of any length.

@@ -20,11 +20,11 @@ pub const LINK_RADIUS: f64 = 0.05;
 /// Configurations between two looks for Ctrl-C.
 const BLOCK: usize = 8_192;
 
-/// Obstacles in the world, and pairs that may touch. Immutable.
+/// Obstacles in the world, and pairs of names that may touch. Immutable.
 ///
 /// Args:
 ///     obstacles: Any number of `Sphere`, `Box`, `Capsule`, `Cylinder`, `HalfSpace` and `Mesh`.
-///     allowed: Pairs of names that may touch: a link, or an obstacle that a link carries, and an obstacle. Contact
+///     allowed: Pairs of names that may touch: an obstacle, and a link or an obstacle that a link carries. Contact
 ///         between them is ignored.
 ///
 /// Example:
@@ -100,13 +100,13 @@ impl PyScene {
         Ok(Self { scene: Scene::from_json_file(path).map_err(to_py)? })
     }
 
-    /// From JSON text; files of meshes are looked for from the current folder on.
+    /// From JSON text; mesh files are relative to the current folder.
     #[staticmethod]
     fn from_json_string(text: &str) -> PyResult<Self> {
         Ok(Self { scene: Scene::from_json(text).map_err(to_py)? })
     }
 
-    /// As JSON text, as `from_json` reads it; meshes with their triangles.
+    /// The scene as JSON text that `from_json` reads; meshes are written with their triangles.
     fn to_json(&self) -> String {
         self.scene.to_json()
     }
@@ -123,7 +123,7 @@ impl PyScene {
         self.scene.allowed().iter().map(|[a, b]| (a.clone(), b.clone())).collect()
     }
 
-    /// The scene at time `t` (s): moving obstacles are elsewhere.
+    /// The scene at time `t` (s), with moving obstacles at their positions at that time.
     fn at(&self, t: f64) -> PyResult<Self> {
         if !t.is_finite() {
             return Err(to_py(Error::NotFinite { what: "t".into(), index: 0, value: t }));
@@ -131,18 +131,18 @@ impl PyScene {
         Ok(Self { scene: self.scene.at(t) })
     }
 
-    /// The nearest pair of a link and an obstacle, and the nearest of each link.
+    /// The nearest pair of a link and an obstacle, and the nearest obstacle of each link.
     ///
     /// Links are capsules from joint to joint and from the last joint to the tool, or what `links` says. Links that
-    /// stand with the base count where `links` has shapes for them. What a link carries counts as part of it against
-    /// other obstacles, and is an obstacle for the other links.
+    /// do not move count if `links` has shapes for them. Obstacles that a link carries count as part of it against
+    /// other obstacles, and as obstacles for the other links.
     ///
     /// Args:
     ///     chain: The arm.
     ///     q: `(n,)` or `(N, n)`.
     ///     link_radius: Of the capsules from joint to joint, m; or a `LinkGeometry` of this chain.
-    ///     links: The same under another name.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     links: Another name of `link_radius`.
+    ///     threads: Threads for a batch; all cores by default.
     ///
     /// Raises:
     ///     RedundancyError: A name in `allowed` that is neither a link nor an obstacle, an `attached_to` that is no
@@ -197,7 +197,7 @@ impl PyScene {
 
 type SceneParts<'py> = (Vec<Bound<'py, PyAny>>, Vec<(String, String)>);
 
-/// How near an arm is to a scene: of one configuration, or arrays for N of them.
+/// Distances of an arm from a scene: for one configuration, or arrays for N of them.
 #[pyclass(name = "ClearanceResult", module = "redundancy", frozen)]
 pub struct PyClearance {
     pairs: Vec<Option<NearestPair>>,

@@ -29,15 +29,15 @@ const SEARCH_BLOCK: usize = 512;
 /// A spherical-revolute-spherical arm with its closed-form inverse kinematics (Moore & Oztop 2010).
 ///
 /// The arm is recognised from its geometry alone: any base, tool, axis signs, joint zeros, elbow offset. With n from
-/// shoulder to wrist, the elbow is on a circle about n; the swivel s says where. Zero and sense of s follow the paper
-/// in the frame whose z is +axis 1 and whose x is the base x projected.
+/// shoulder to wrist, the elbow is on a circle about n, and the swivel s is its angle on the circle. Zero and sense
+/// of s follow the paper in the frame whose z is +axis 1 and whose x is the base x projected.
 ///
 /// Args:
-///     chain: Seven turning joints.
-///     chart: `"shortest_arc"` (the paper; singular where n is against the reference) or `"stereographic"` (singular
-///         only on the half-line that you name).
-///     reference: `(3,)` direction in world axes: for `shortest_arc` the one used for +axis 1, for `stereographic` the
-///         singular half-line (default: against axis 1).
+///     chain: Seven revolute joints.
+///     chart: `"shortest_arc"` (the paper's; singular if n is opposite to the reference) or `"stereographic"`
+///         (singular only if n is along the reference).
+///     reference: `(3,)` direction in world axes: for `shortest_arc` the one used in place of +axis 1, for
+///         `stereographic` the singular half-line (default: opposite to axis 1).
 ///
 /// Raises:
 ///     NotSrsError: Which axes miss each other and by how much.
@@ -111,7 +111,7 @@ impl PySrsArm {
         self.arm.parameter()
     }
 
-    /// How far the arm is from an ideal one, (m, rad): answers meet the pose within 1e-12 + 2 x defect.
+    /// How far the arm is from an ideal one, (m, rad): configurations meet the pose within 1e-12 + 2 x defect.
     #[getter]
     fn defect(&self) -> (f64, f64) {
         let defect = self.arm.defect();
@@ -137,16 +137,16 @@ impl PySrsArm {
         &self.chart
     }
 
-    /// Configurations over a pose at a swivel.
+    /// Configurations for a pose at a swivel.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like.
     ///     swivel: The angle s, rad, or u = (cos s, sin s), `(2,)`.
-    ///     limits: Only those within the joint limits. Without: all 8 rows in branch order (index
+    ///     limits: Only those within the joint limits. If False: all 8 rows in branch order (index
     ///         `4 [s2 < 0] + 2 [s4 < 0] + [s6 < 0]`), repeats at a gimbal included.
     ///
     /// Returns:
-    ///     `(k, 7)`; `(0, 7)` when the pose is out of reach or no branch holds the limits here:
+    ///     `(k, 7)`; `(0, 7)` if the pose is out of reach or no branch is within the limits at this swivel:
     ///     `self_motion(pose).reason` says which.
     #[pyo3(signature = (pose, swivel, limits=true))]
     fn solve<'py>(
@@ -160,14 +160,14 @@ impl PySrsArm {
         to_array(py, rows.as_flattened(), [rows.len(), 7])
     }
 
-    /// All branches over many poses.
+    /// All branches for many poses.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`.
     ///     swivels: One angle, `(N,)` angles, or `(N, 2)` vectors (cos s, sin s).
     ///     limits: Whether `valid` says that the joint limits hold, or only that the pose is in reach.
-    ///     out: An earlier result, or `(q, valid)` of shapes `(N, 8, 7)` and `(N, 8)`, to be filled again.
-    ///     threads: Size of the pool; all cores by default. The bits do not depend on it.
+    ///     out: An earlier result, or `(q, valid)` of shapes `(N, 8, 7)` and `(N, 8)`, to be overwritten.
+    ///     threads: Size of the pool; all cores by default. The result does not depend on it.
     #[pyo3(signature = (poses, swivels, limits=true, out=None, *, threads=None))]
     fn solve_batch<'py>(
         &self,
@@ -214,12 +214,12 @@ impl PySrsArm {
         Ok(PySolveBatch { q: q.unbind(), valid: valid.unbind() })
     }
 
-    /// Feasible intervals of all branches over many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi).
+    /// Feasible intervals of all branches for many poses: `(M, 2)` (pose, branch) and `(M, 2)` (lo, hi).
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
     ///     margin: Distance kept from every joint limit, rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, margin=0.0, *, threads=None))]
     fn intervals_batch<'py>(
         &self,
@@ -245,12 +245,12 @@ impl PySrsArm {
         )
     }
 
-    /// `SelfMotion.best` over many poses.
+    /// `SelfMotion.best` for many poses.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
-    ///     criterion: What is best.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     criterion: Decides which configuration is best.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, criterion, *, threads=None))]
     fn best_batch<'py>(
         &self,
@@ -270,14 +270,14 @@ impl PySrsArm {
         PyChoiceBatch::new(py, &rows)
     }
 
-    /// The configuration `(7,)` over the pose nearest to `q` (Euclidean), limits held, windings included.
+    /// The configuration `(7,)` for the pose within the limits with the least distance to `q`, windings included.
     ///
     /// `None` when there is none: `self_motion(pose).reason` says why. A batch of poses gives a `ChoiceBatch`.
     ///
     /// Args:
     ///     pose: `(4, 4)` or SE3-like, or `(N, 4, 4)`.
     ///     q: `(7,)`, or `(N, 7)` for many poses, rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (pose, q, *, threads=None))]
     fn nearest<'py>(
         &self,
@@ -297,12 +297,12 @@ impl PySrsArm {
         Ok(choice.map(|c| PyArray1::from_slice(py, &c.q).into_any()))
     }
 
-    /// `nearest` over many poses, to one `q` `(7,)` or one each `(N, 7)`.
+    /// `nearest` for many poses, to one `q` `(7,)` or one each `(N, 7)`.
     ///
     /// Args:
     ///     poses: `(N, 4, 4)`, or a list of SE3-like objects.
     ///     q: `(7,)` or `(N, 7)`, rad.
-    ///     threads: Threads for a batch; all cores when left out.
+    ///     threads: Threads for a batch; all cores by default.
     #[pyo3(signature = (poses, q, *, threads=None))]
     fn nearest_batch<'py>(
         &self,
@@ -364,14 +364,14 @@ impl PySrsArm {
         }
     }
 
-    /// Every configuration over a pose, as an object.
+    /// Every configuration for a pose, as an object.
     fn self_motion(this: &Bound<'_, Self>, pose: &Bound<'_, PyAny>) -> PyResult<PySelfMotion> {
         let pose = read_pose(pose)?;
         let motion = this.get().arm.self_motion(&pose).map_err(to_py)?;
         Ok(PySelfMotion { motion: Arc::new(Motion { motion, arm: this.clone().unbind(), pose }) })
     }
 
-    /// What to add to a swivel of this chart to have that of `other`'s chart at the same pose, rad.
+    /// The difference between a swivel in `other`'s chart and in this chart at the same pose, rad.
     fn chart_change(&self, other: &Bound<'_, Self>, pose: &Bound<'_, PyAny>) -> PyResult<f64> {
         self.arm.chart_change(&other.get().arm, &read_pose(pose)?).map_err(to_py)
     }
@@ -473,7 +473,7 @@ fn method_of<'py>(py: Python<'py>, motion: &Arc<Motion>, name: &str) -> PyResult
     Py::new(py, PySelfMotion { motion: motion.clone() })?.bind(py).getattr(name)
 }
 
-/// Result of `solve_batch` of an arm with a closed form, and of `nearest` over many poses.
+/// Result of `solve_batch` of an arm with a closed form, and of `nearest` for many poses.
 #[pyclass(name = "SolveBatch", module = "redundancy", frozen)]
 pub struct PySolveBatch {
     pub q: Py<PyArrayDyn<f64>>,
@@ -512,7 +512,7 @@ impl PySolveBatch {
     }
 }
 
-/// A configuration chosen over a pose; its parts are `None` where no configuration holds the limits.
+/// A configuration chosen for a pose; its parts are `None` if no configuration is within the limits.
 #[pyclass(name = "Choice", module = "redundancy", frozen)]
 pub struct PyChoice {
     choice: Option<Choice>,
@@ -551,7 +551,7 @@ impl PyChoice {
         status_to_py(py, self.motion.status())
     }
 
-    /// Why there is none, or why it is not proven to be the best; else empty.
+    /// Why there is none, or why it is not proven to be the best; empty otherwise.
     #[getter]
     fn reason(&self) -> String {
         let reason = self.motion.reason();
@@ -561,9 +561,9 @@ impl PyChoice {
         reason
     }
 
-    /// No configuration over the pose is better; where there is none, the verdict is exact.
+    /// Whether it is certain that no configuration for the pose is better, or that there is none.
     ///
-    /// False for the best of a scan (criteria without bounds), and at gimbals that leave joints free.
+    /// False for criteria without bounds, and at gimbals that leave joints free.
     #[getter]
     fn proven(&self) -> bool {
         self.choice.map_or_else(|| self.motion.proven(), |c| c.proven)
@@ -591,7 +591,7 @@ pub fn signs_of(branch: usize) -> [i8; 3] {
     [4, 2, 1].map(|bit| if branch & bit == 0 { 1 } else { -1 })
 }
 
-/// Choices over many poses.
+/// Choices for many poses.
 #[pyclass(name = "ChoiceBatch", module = "redundancy", frozen, get_all)]
 pub struct PyChoiceBatch {
     /// `(N, 7)`; rows that are not valid are 0.
@@ -604,7 +604,7 @@ pub struct PyChoiceBatch {
     value: Py<PyArray1<f64>>,
     /// `(N,)`: there is a configuration within the limits.
     valid: Py<PyArray1<bool>>,
-    /// `(N,)`: there is one, and no other over the pose is better.
+    /// `(N,)`: there is one, and no other for the pose is better.
     proven: Py<PyArray1<bool>>,
 }
 
@@ -657,7 +657,7 @@ impl PyChoiceBatch {
     }
 }
 
-/// Every configuration over one pose: up to eight circles.
+/// Every configuration for one pose: up to eight circles.
 ///
 /// Example:
 ///     >>> import redundancy as rd
@@ -680,18 +680,18 @@ impl PySelfMotion {
         status_to_py(py, self.motion.status())
     }
 
-    /// Why none, with the number: too far or too near by x mm; which joint, by how much at best.
+    /// Why there is none: too far or too near by how many mm, or which joint is outside by how much even at best.
     ///
-    /// Where the verdict is not `proven`, also why. Else empty.
+    /// If the status is not `proven`, also why. Empty otherwise.
     #[getter]
     fn reason(&self) -> String {
         self.motion.reason()
     }
 
-    /// Status and branches are exact.
+    /// Whether status and branches are exact.
     ///
-    /// False for an arm with a defect above 1e-9, and where shoulder or wrist reach a gimbal over this pose: there the
-    /// outer joints may share their sum in any way, beside the branches.
+    /// False for an arm with a defect above 1e-9, and if shoulder or wrist reach a gimbal for this pose: there only
+    /// the sum of the outer joints is determined, so there are configurations besides the branches.
     #[getter]
     fn proven(&self) -> bool {
         self.motion.proven()
@@ -734,8 +734,8 @@ impl PySelfMotion {
 
     /// The elbow in the world at a swivel: the paper's p_E (eq. 15).
     ///
-    /// It lies on the sphere of the upper arm around the shoulder. Of an arm with elbow offset it is the point of the
-    /// elbow's axis nearest to shoulder and wrist.
+    /// It lies on the sphere of the upper arm around the shoulder. For an arm with elbow offset it is the point of
+    /// the elbow's axis nearest to shoulder and wrist.
     ///
     /// Args:
     ///     s: Swivel, rad, or `(N,)`.
@@ -749,7 +749,7 @@ impl PySelfMotion {
         rows_of(py, s, |s| Ok(self.motion.elbow_position(s).into()))
     }
 
-    /// The distinct circles: 8; 4 for the stretched and the folded arm; none out of reach.
+    /// The distinct circles: 8; 4 for the stretched and the folded arm; none if the pose is out of reach.
     #[getter]
     fn branches(&self) -> Vec<PyBranch> {
         let branches = self.motion.branches();
@@ -762,7 +762,7 @@ impl PySelfMotion {
     /// point that a piecewise cubic resolves is compared.
     ///
     /// Args:
-    ///     criterion: What is best, of the same arm.
+    ///     criterion: A criterion of the same arm.
     fn best(&self, criterion: Given<'_, PyCriterion>) -> PyResult<PyChoice> {
         let choice = self.motion.best(&*criterion.get().criterion).map_err(to_py)?;
         Ok(PyChoice { choice, motion: self.motion.clone() })
@@ -814,7 +814,7 @@ impl PySelfMotion {
     }
 }
 
-/// One circle of configurations: fixed signs, the swivel runs.
+/// One circle of configurations with fixed signs, parametrised by the swivel.
 #[pyclass(name = "Branch", module = "redundancy", frozen)]
 pub struct PyBranch {
     motion: Arc<Motion>,
@@ -875,7 +875,7 @@ impl PyBranch {
 
     /// Configuration at swivel `s` (rad): `(7,)`, or `(N, 7)` for `(N,)`.
     ///
-    /// Principal values unless that breaks a limit and a winding does not.
+    /// Principal values, unless these violate a limit and another winding does not.
     fn q<'py>(&self, py: Python<'py>, s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, s, |branch, s| branch.q(s))
     }
@@ -895,7 +895,7 @@ impl PyBranch {
     ///
     /// Returns:
     ///     `(k, 7)`, ascending by the first joint that differs; joints without limits keep their principal value.
-    ///     `(0, 7)` where the branch breaks a limit here.
+    ///     `(0, 7)` if the branch is outside the limits at this swivel.
     ///
     /// Raises:
     ///     RedundancyError: A swivel that is not finite.
@@ -911,7 +911,7 @@ impl PyBranch {
     ///
     /// Returns:
     ///     `(q_3, q_4, conj(q_4) q)`, each `(4,)` or `(N, 4)`, `(w, x, y, z)`: the orientations of upper arm and
-    ///     forearm, z along the link and y along the axis of joint 4, and what joints 5 to 7 turn.
+    ///     forearm, z along the link and y along the axis of joint 4, and the rotation of joints 5 to 7.
     ///
     /// Raises:
     ///     RedundancyError: A swivel that is not finite.
@@ -927,7 +927,7 @@ impl PyBranch {
         PyTuple::new(py, [q3?, q4?, wrist?])
     }
 
-    /// Where all joint limits hold with `margin` (rad, from each limit): `(k, 2)`, exact.
+    /// Intervals of the swivel in which all joints keep `margin` (rad) from their limits: `(k, 2)`, exact.
     ///
     /// `[lo, hi]` contains s when `(s - lo) mod 2 pi <= hi - lo`.
     #[pyo3(signature = (margin=0.0))]

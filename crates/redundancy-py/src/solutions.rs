@@ -27,7 +27,7 @@ struct Inner {
     settings: SolutionsSettings,
 }
 
-/// Every configuration over one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`.
+/// Every configuration for one pose: points (dimension 0) or curves (dimension 1). Made by `solutions`.
 #[pyclass(name = "Solutions", module = "redundancy", frozen)]
 pub struct PySolutions {
     inner: Arc<Inner>,
@@ -47,25 +47,25 @@ impl PySolutions {
         self.inner.set.dimension()
     }
 
-    /// `converged` (some configuration holds the joint limits), `limits` (only others) or `unreachable` (none).
+    /// `converged` (some configuration is within limits), `limits` (none is) or `unreachable` (there is none).
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.inner.set.status())
     }
 
-    /// Why none holds the limits, with the number, and why the verdict is not `proven`; else empty.
+    /// Why none is within the limits, by how much, and why the status is not `proven`; else empty.
     #[getter]
     fn reason(&self) -> String {
         self.inner.set.reason()
     }
 
-    /// Status and pieces are exact; False where they are those of a finite search, whose starts `reason` counts.
+    /// Whether status and pieces are exact; False after a finite search, whose starts `reason` counts.
     #[getter]
     fn proven(&self) -> bool {
         self.inner.set.proven()
     }
 
-    /// The points or curves, whether their limits hold or not.
+    /// The points or curves, whether within the joint limits or not.
     #[getter]
     fn pieces(&self) -> Vec<PyPiece> {
         (0..self.inner.set.pieces()).map(|index| PyPiece { inner: self.inner.clone(), index }).collect()
@@ -83,11 +83,11 @@ impl PySolutions {
 
     /// The best configuration within the limits.
     ///
-    /// Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums; else a
-    /// dense scan of all pieces, refined.
+    /// Proven for isolated configurations, and on circles of the swivel for joint range, posture and their sums;
+    /// otherwise found by a dense scan of all pieces with refinement.
     ///
     /// Args:
-    ///     criterion: For as many joints as the arm has.
+    ///     criterion: A criterion of the same arm.
     fn best(&self, py: Python<'_>, criterion: Given<'_, PyCriterion>) -> PyResult<PySolution> {
         let criterion = Arc::clone(&criterion.get().criterion);
         let solution = py.detach(|| self.inner.set.best(&*criterion)).map_err(to_py)?;
@@ -185,13 +185,13 @@ impl PyPiece {
 
 #[pymethods]
 impl PyPiece {
-    /// Its place in `Solutions.pieces`.
+    /// Its index in `Solutions.pieces`.
     #[getter]
     fn index(&self) -> usize {
         self.index
     }
 
-    /// What tells it from the others: the signs of the branch (shoulder, elbow, wrist), or a number.
+    /// Its name: the signs of the branch (shoulder, elbow, wrist), or a number.
     #[getter]
     fn label(&self) -> PyResult<String> {
         self.inner.set.label(self.index).map_err(to_py)
@@ -212,7 +212,7 @@ impl PyPiece {
 
     /// Configuration at `u`: `(n,)`, or `(N, n)` for `(N,)`. A point needs no `u`.
     ///
-    /// Principal values unless that breaks a limit and a winding does not.
+    /// Principal values, unless these violate a limit and another winding does not.
     ///
     /// Raises:
     ///     RedundancyError: `u` is not finite, is beyond the ends of an open curve, or is missing for a curve.
@@ -229,10 +229,10 @@ impl PyPiece {
         self.at(py, Some(u), |set, piece, u, out| set.tangent(piece, u, out))
     }
 
-    /// Where all joint limits hold in some winding, `(k, 2)`, ascending.
+    /// Intervals of `u` in which all joint limits hold in some winding, `(k, 2)`, ascending.
     ///
-    /// On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point `[[0, 0]]` or
-    /// nothing.
+    /// On a closed curve `u` is inside `[lo, hi]` when `(u - lo) mod 2 pi <= hi - lo`. For a point, `[[0, 0]]` or an
+    /// empty array.
     ///
     /// Args:
     ///     margin: Distance from each limit, rad or m.
@@ -278,7 +278,7 @@ impl PyPiece {
     }
 }
 
-/// A configuration chosen from `Solutions`; its parts are `None` where no configuration holds the limits.
+/// A configuration chosen from `Solutions`; its parts are `None` if no configuration is within the limits.
 #[pyclass(name = "Solution", module = "redundancy", frozen)]
 pub struct PySolution {
     solution: Option<Solution>,
@@ -317,7 +317,7 @@ impl PySolution {
         status_to_py(py, self.inner.set.status())
     }
 
-    /// Why there is none, or why it is not proven to be the best; else empty.
+    /// Why there is none, or why it is not proven to be the best; empty otherwise.
     #[getter]
     fn reason(&self) -> String {
         let reason = self.inner.set.reason();
@@ -329,7 +329,7 @@ impl PySolution {
         }
     }
 
-    /// No configuration over the pose is better; where there is none, the verdict is exact.
+    /// Whether it is certain that no configuration for the pose is better, or that there is none.
     #[getter]
     fn proven(&self) -> bool {
         self.solution.as_ref().map_or_else(|| self.inner.set.proven(), |s| s.proven)
@@ -353,26 +353,27 @@ impl PySolution {
     }
 }
 
-/// Every configuration of an arm over a pose, through one interface for all arms.
+/// Every configuration of an arm for a pose, through one interface for all arms.
 ///
-/// From the closed form where the arm has one. Otherwise Newton's method is started from seeded random configurations
-/// within the limits, and curves are traced through what it finds: then `proven` is False, for there may be others.
+/// From the closed form if the arm has one. Otherwise Newton's method is started from seeded random configurations
+/// within the limits, and curves are traced through the configurations found; then `proven` is False, because there
+/// may be others.
 ///
 /// Args:
 ///     chain: The arm, or an arm object (whose chart then holds for the swivel).
 ///     pose: `(4, 4)` or SE3-like, base frame, m; `(2,)` for the task `planar`.
 ///     freedom: Must be `None`.
-///     task: Which coordinates of the pose count; default the pose. The task must leave no or one freedom.
-///     closed_form: Use the closed form where there is one.
+///     task: Which coordinates of the pose count; all of them by default. The task must leave no more than one
+///         freedom.
+///     closed_form: Whether to use the closed form if there is one.
 ///     seed: Seed of the random starts; default 0.
 ///     starts: Number of random starts; default 100.
 ///     step: Largest joint step between rows of traced curves; default 0.01.
-///     max_rows: Rows after which a traced curve is given up; default 200 000.
+///     max_rows: Rows after which following a curve is stopped; default 200 000.
 ///
 /// Raises:
 ///     RedundancyError: a pose that is not rigid or finite, invalid settings, an arm with fewer joints than the task
-///         has
-///         coordinates, or with two or more joints beyond them.
+///         has coordinates, or with at least two more.
 ///
 /// Example:
 ///     >>> import redundancy as rd

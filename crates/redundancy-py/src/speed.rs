@@ -21,8 +21,8 @@ use crate::path::PyPath;
 
 /// A rule from positions to tool orientations; made by the functions of `redundancy.orientation_rules`.
 ///
-/// Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`. Its arguments are the
-/// options of those functions, which say what they mean.
+/// Calling it with positions `(N, 3)` or `(3,)`, m, gives rotations `(N, 3, 3)` or `(3, 3)`. Its arguments are
+/// described in those functions.
 #[pyclass(name = "OrientationRule", module = "redundancy", frozen, eq)]
 #[derive(PartialEq)]
 pub struct PyOrientationRule {
@@ -319,7 +319,7 @@ fn read_oriented(py: Python<'_>, path: &Path, rule: Option<&Bound<'_, PyAny>>) -
     Ok(path.with_orientations(&rotations).map_err(to_py)?.poses().to_vec())
 }
 
-/// The largest constant tool speed over a path, and what stops a larger one.
+/// The largest constant tool speed along a path, and what limits it.
 #[pyclass(name = "MaxSpeed", module = "redundancy", frozen)]
 pub struct PyMaxSpeed {
     result: MaxSpeed,
@@ -334,7 +334,7 @@ impl PyMaxSpeed {
         self.result.speed
     }
 
-    /// Index of the joint that allows no more.
+    /// Index of the limiting joint.
     #[getter]
     fn limiting_joint(&self) -> usize {
         self.result.limiting_joint
@@ -352,7 +352,7 @@ impl PyMaxSpeed {
         self.result.limit.as_str()
     }
 
-    /// The path point where that happens, from 0.
+    /// The path point at which the limit is reached, from 0.
     #[getter]
     fn at(&self) -> usize {
         self.result.at
@@ -432,25 +432,25 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
     Ok(rows.as_slice()?.to_vec())
 }
 
-/// The largest constant tool speed over a path, exactly: `tau = G + v^2 D` without friction, so nothing is searched.
+/// The largest constant tool speed along a path, computed exactly: without friction `tau = G + v^2 D`.
 ///
 /// Args:
 ///     chain: The arm.
 ///     path: Positions with `orientation_rule`, poses without.
 ///     orientation_rule: From `redundancy.orientation_rules`, or any callable from positions `(N, 3)` to rotations
 ///         `(N, 3, 3)`.
-///     q: Joint positions `(N, n)` instead, one row per path point; then there is no inverse kinematics.
-///     q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest one that holds the path is
-///         taken.
+///     q: Joint positions `(N, n)`, one row per path point, instead of solving inverse kinematics.
+///     q0: Configuration `(n,)` near the start that fixes the branch; without it the fastest branch that can follow
+///         the path is taken.
 ///     tool: Pose of the tool in the last link, instead of the chain's.
 ///     torque_limits: `"chain"` (default), `(n,)` N m, or `None` for off.
 ///     velocity_limits: `"chain"` (default), `(n,)` rad/s, or `None` for off.
 ///     gravity: m/s^2, world axes.
-///     joint_limits: Whether a branch that is chosen here must keep the position limits; not used with `q` or `q0`.
+///     joint_limits: Whether the chosen branch must keep the position limits; not used with `q` or `q0`.
 ///
 /// Raises:
-///     RedundancyError: A path that cannot be reached or followed (the points are named), torque limits below what
-///         gravity asks for (joint and point), no inertias, no limit, no length.
+///     RedundancyError: A path that cannot be reached or followed (the points are named), torque limits that do not
+///         compensate gravity (joint and point), no inertias, no limit, no length.
 #[pyfunction(name = "max_speed")]
 #[pyo3(signature = (chain, path, orientation_rule=None, q=None, q0=None, tool=None,
     torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=Some(JointLimits::Word("chain".into())), *, gravity=STANDARD_GRAVITY,
@@ -489,7 +489,7 @@ pub fn py_max_speed<'py>(
     Ok(PyMaxSpeed { result, joint_name })
 }
 
-/// A motion over a path whose tool speed changes.
+/// A motion along a path with variable tool speed.
 #[pyclass(name = "SpeedProfile", module = "redundancy", frozen)]
 pub struct PySpeedProfile {
     profile: SpeedProfile,
@@ -509,7 +509,7 @@ impl PySpeedProfile {
         PyArray1::from_slice(py, &self.profile.speed)
     }
 
-    /// Along the path from each point to the next `(N,)`, m/s^2.
+    /// Acceleration of the tool along the path from each point to the next `(N,)`, m/s^2.
     #[getter]
     fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.profile.acceleration)
@@ -545,7 +545,7 @@ impl PySpeedProfile {
 
 type ProfileParts = (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>);
 
-/// The fastest motion over given joint positions when the tool speed may change: two passes [PhamPham2018].
+/// The fastest motion along given joint positions with variable tool speed, by two passes [PhamPham2018].
 ///
 /// Args:
 ///     chain: The arm.
@@ -559,7 +559,7 @@ type ProfileParts = (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>);
 ///     gravity: m/s^2, world axes.
 ///
 /// Raises:
-///     RedundancyError: As `max_speed`; a speed at an end that cannot be held.
+///     RedundancyError: As for `max_speed`; a speed at an end that is not possible.
 #[pyfunction(name = "fastest_profile")]
 #[pyo3(signature = (chain, path, q, *, start_speed=0.0, end_speed=0.0, tool=None,
     torque_limits=Some(JointLimits::Word("chain".into())), velocity_limits=None, gravity=STANDARD_GRAVITY),

@@ -12,9 +12,9 @@ use crate::self_motion::Batch;
 
 /// Which coordinates of the tool's motion count.
 ///
-/// `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta) Rx(psi)),
-/// `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
-/// `planar_pose` (x, y, rotation about z). Wherever an argument `task` is taken, a name does as well.
+/// `pose` (6, angular velocity in world axes), `pose_rpy` (6, rates of roll-pitch-yaw, R = Rz(phi) Ry(theta)
+/// Rx(psi)), `position` (3), `pointing` (5: position and the tool axis, the spin about it is free), `planar` (x, y),
+/// `planar_pose` (x, y, rotation about z). An argument `task` also accepts a name.
 ///
 /// Args:
 ///     name: One of the names above.
@@ -54,7 +54,7 @@ impl PyTask {
         self.task.kind().as_str()
     }
 
-    /// How many coordinates count.
+    /// Number of coordinates.
     #[getter]
     fn dim(&self) -> usize {
         self.task.dim()

@@ -28,11 +28,11 @@ use crate::status::status_to_py;
 use crate::task::{PyTask, read_task};
 use crate::watch::watched;
 
-/// Damped least squares with a factor of its own for each singular value (Bettini et al. 2000, section 4.3).
+/// Damped least squares with a separate factor for each singular value (Bettini et al. 2000, section 4.3).
 ///
 /// `1/sigma` becomes `sigma / (sigma^2 + lambda^2)`, lambda rising smoothly from 0 at `threshold` to `maximum` at
 /// `rho * threshold`. The paper's constants are `Damping(0.1, 0.2, 0.25)`; `"auto"` is `Damping(0.02, 0.04, 0.25)`:
-/// every task is exact where the least singular value (units of metres and radians) is 0.04 or more.
+/// the task is met exactly where the least singular value (units of metres and radians) is 0.04 or more.
 ///
 /// Args:
 ///     maximum: Largest damping factor, > 0.
@@ -115,9 +115,9 @@ fn read_criterion(
     criterion.map(|criterion| criterion.get().criterion.clone())
 }
 
-/// A scheme that turns a task velocity into a joint velocity, one step in and one step out.
+/// A scheme that computes a joint velocity from a task velocity, step by step.
 ///
-/// Nothing is allocated in the core's step. A resolver may be shared by threads; the reduced gradient keeps its basis
+/// A step allocates nothing in the core. A resolver may be shared by threads; the reduced gradient keeps its basis
 /// from step to step.
 #[pyclass(name = "Resolver", module = "redundancy", frozen, subclass)]
 pub struct PyResolver {
@@ -228,9 +228,8 @@ impl PyResolver {
     ///     q: Joint positions `(n,)`, rad or m.
     ///
     /// Returns:
-    ///     `(m, n)`: that of the task; with `frame=` the one about the origin and in the axes of that link
-    ///     (Bettini, De Luca, Oriolo 2000, eq. 7). Singular values, and so damping and the choice of a basis, are its
-    ///     own.
+    ///     `(m, n)`: that of the task; with `frame=` the one about the origin and in the axes of that link (Bettini,
+    ///     De Luca, Oriolo 2000, eq. 7). Its singular values determine the damping and the choice of a basis.
     ///
     /// Raises:
     ///     RedundancyError: A wrong size, or numbers that are not finite.
@@ -256,7 +255,7 @@ impl PyResolver {
         to_array(py, &rows, [m, n])
     }
 
-    /// The link in whose frame the scheme works; None for the task's own coordinates.
+    /// The link in whose frame the scheme works; None for the coordinates of the task.
     #[getter]
     fn frame(&self) -> Option<String> {
         let resolver = self.lock();
@@ -274,18 +273,19 @@ impl PyResolver {
 
 /// Projected gradient (Bettini, De Luca, Oriolo 2000, eq. 2): `qd = J^+ v + (I - J^+ J) eta`.
 ///
-/// `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near singularities
-/// J^+ is damped; the projector is exact all the same, so the freedom never moves the tool.
+/// `eta` is the gain times the gradient of the criterion, with minus for one to be minimised and plus for one to be
+/// maximised. Near singularities J^+ is damped; the projector stays exact, so the null-space motion never moves the
+/// tool.
 ///
 /// Args:
 ///     chain: The arm.
-///     criterion: What the freedom is used for; None for the least joint velocity.
-///     gain: Joint velocity per unit of the gradient, >= 0, or `"optimal"`: the step that makes the criterion best
-///         after `dt` within position and velocity limits (section 4.4).
+///     criterion: Objective for the freedom; None for the least joint velocity.
+///     gain: Joint velocity per unit of the gradient, >= 0, or `"optimal"`: the step with the best value of the
+///         criterion after `dt` within position and velocity limits (section 4.4).
 ///     task: Which coordinates count; `pose` by default.
 ///     damping: `"auto"`, a `Damping`, or None for off.
-///     frame: Name of the link in whose axes and about whose origin the six coordinates of `pose` or `pose_rpy` are
-///         written inside (eq. 7): damping then acts on the singular values of that Jacobian. Velocities and task
+///     frame: Name of a link. The six coordinates of `pose` or `pose_rpy` are then transformed internally to its axes
+///         and origin (eq. 7), so that damping acts on the singular values of that Jacobian. Velocities and task
 ///         errors are given as before.
 ///
 /// Raises:
@@ -354,26 +354,26 @@ impl PyProjectedGradient {
 /// Reduced gradient (Bettini, De Luca, Oriolo 2000, eq. 4).
 ///
 /// The dependent joints follow the task, the others the reduced gradient; at equal gain this converges faster than
-/// the projected gradient. Without `basis` the dependent joints are chosen and changed before their Jacobian becomes
-/// singular, with hysteresis, blended over three steps, and reported.
+/// the projected gradient. Without `basis` the dependent joints are chosen automatically, and exchanged before their
+/// Jacobian becomes singular (with hysteresis, blended over three steps, and reported).
 ///
 /// Args:
 ///     chain: The arm.
 ///     criterion: As for `ProjectedGradient`.
 ///     gain: As for `ProjectedGradient`.
 ///     task: Which coordinates count; `pose` by default.
-///     damping: As for `ProjectedGradient`; acts only where no basis is good.
+///     damping: As for `ProjectedGradient`; acts only where no basis is well conditioned.
 ///     basis: Dependent joints, from 0, as many as the task has coordinates; they are then kept. The paper's DEXTER
 ///         with "columns 2 and 7 deleted" is `(0, 2, 3, 4, 5, 7)`.
 ///     frame: As for `ProjectedGradient`: the paper's DEXTER works in `"link4"`.
-///     form: `"robust"`: the freedom never moves the tool. `"paper"`: eq. 4 as printed, with the damped inverse also in
-///         `J_R`, so that under damping it does.
+///     form: `"robust"`: the null-space motion never moves the tool. `"paper"`: eq. 4 as printed, with the damped
+///         inverse also in `J_R`, so that under damping it does.
 ///     schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
 ///         over three steps and reported. Needs `basis` for the start, and `dt` in every step.
 ///
 /// Raises:
-///     RedundancyError: As for `ProjectedGradient`; a basis of another size, with a joint twice or one that there is
-///         not; a schedule without `basis`, or whose times do not ascend; an unknown form.
+///     RedundancyError: As for `ProjectedGradient`; a basis of another size, with a repeated joint or one that does
+///         not exist; a schedule without `basis`, or whose times do not ascend; an unknown form.
 #[pyclass(name = "ReducedGradient", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PyReducedGradient;
 
@@ -453,16 +453,16 @@ impl PyReducedGradient {
     }
 }
 
-/// Extended Jacobian (Park, Chung, Youm 1996, eq. 5): the freedom keeps the criterion stationary.
+/// Extended Jacobian (Park, Chung, Youm 1996, eq. 5): the freedom is used to keep the criterion stationary.
 ///
-/// Started at a stationary point it stays on that branch, so closed paths are cyclic. The task comes first: where the
-/// condition loses rank (an algorithmic singularity) only the motion of the freedom is damped, and reported.
+/// Started at a stationary point it follows that point, so closed paths are cyclic. The task has priority: where the
+/// condition loses rank (an algorithmic singularity), only the null-space motion is damped, and this is reported.
 ///
 /// Args:
 ///     chain: The arm.
 ///     criterion: A criterion with a Hessian.
 ///     task: Which coordinates count; `pose` by default.
-///     gain: Rate, 1/s, at which the arm is drawn to the stationary point.
+///     gain: Rate, 1/s, at which the arm approaches the stationary point.
 ///     damping: As for `ProjectedGradient`.
 #[pyclass(name = "ExtendedJacobian", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PyExtendedJacobian;
@@ -505,32 +505,33 @@ impl PyExtendedJacobian {
     }
 }
 
-/// Hard limits: the largest scale of the task that the limits allow, then the joint velocity nearest to the wish.
+/// Hard limits: the largest scale of the task velocity within the limits, then the best null-space motion.
 ///
-/// Saturation in the null space in its optimal form (Flacco, De Luca, Khatib 2015). Position limits (with the distance
-/// that braking takes), velocity limits and, when `step` gets `qd`, acceleration limits of the chain hold at every step
-/// of length `dt`; where they exclude each other position comes before velocity before acceleration. A joint outside
-/// its limits is brought back. Where no scale is possible, because joints have to brake, the scale is 0 and the task is
-/// approached as nearly as the bounds allow.
+/// Saturation in the null space in its optimal form (Flacco, De Luca, Khatib 2015). Position limits (with the
+/// distance that braking takes), velocity limits and, when `step` gets `qd`, acceleration limits of the chain hold at
+/// every step of length `dt`; if they contradict each other, position has priority over velocity, and velocity over
+/// acceleration. A joint outside its limits is brought back. If no scale is feasible, because joints have to brake,
+/// the scale is 0 and the tool moves as closely to the task velocity as the bounds allow. Among the joint velocities
+/// with the largest scale, the one nearest to the gain times the gradient of the criterion is taken.
 ///
-/// With `scene` or `links` distances are kept too, as hard bounds: for a pair at distance d with gradient g
-/// `g . qd >= -min(alpha (d - safe_distance), sqrt(2 a_d (d - safe_distance))) - dd/dt`, alpha the barrier rate (at
-/// most `1 / dt`), a_d the deceleration along g that the acceleration limits allow, dd/dt from the obstacle's own
-/// motion; below
-/// the safe distance the first term alone, which leads away. Where bounds exclude each other position comes first, then
-/// contact, velocity, acceleration. `Step.limiting_pairs` says which pairs held a step back.
+/// With `scene` or `links` distances are hard bounds too: for a pair at distance d with gradient g `g . qd >=
+/// -min(alpha (d - safe_distance), sqrt(2 a_d (d - safe_distance))) - dd/dt`, alpha the barrier rate (at most
+/// `1 / dt`), a_d the deceleration along g that the acceleration limits allow, dd/dt the change due to the obstacle's
+/// own motion. Below the safe distance only the first term counts, which moves the pair apart. If bounds contradict
+/// each other, position has priority, then distances, velocity, acceleration. `Step.limiting_pairs` says which pairs
+/// limited a step.
 ///
 /// Args:
 ///     chain: The arm with its limits.
-///     criterion: What the freedom is used for; None for the least joint velocity.
+///     criterion: Objective for the freedom; None for the least joint velocity.
 ///     gain: Joint velocity per unit of the gradient, >= 0.
 ///     task: Which coordinates count; `pose` by default.
-///     damping: As for `ProjectedGradient`; off by default, near singularities the task is scaled instead.
+///     damping: As for `ProjectedGradient`; off by default, because near singularities the task is scaled.
 ///     scene: Obstacles to keep a distance from.
 ///     links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
 ///     safe_distance: Distance that is kept, m.
-///     barrier_rate: How fast the distance to it may shrink, 1/s.
-///     self_collision: Whether links keep a distance from each other; `"auto"`: where `links` have pairs.
+///     barrier_rate: Largest rate at which the remaining distance to it may shrink, 1/s.
+///     self_collision: Whether links keep a distance from each other; `"auto"`: if `links` has pairs.
 #[pyclass(name = "SaturatedNullspace", module = "redundancy", frozen, extends = PyResolver)]
 pub struct PySaturatedNullspace;
 
@@ -644,7 +645,7 @@ fn read_basis(basis: &[i64]) -> PyResult<Vec<usize>> {
     basis.iter().map(joint).collect()
 }
 
-/// What one step of a velocity scheme did.
+/// Result of one step of a velocity scheme.
 #[pyclass(name = "Step", module = "redundancy", frozen)]
 pub struct PyStep {
     q: Vec<f64>,
@@ -664,7 +665,7 @@ impl PyStep {
         PyArray1::from_slice(py, &self.qd)
     }
 
-    /// `converged`; `singular` where damping or a lost rank, `limits` where limits kept the task from being met.
+    /// `converged`; `singular` or `limits` if damping (or a lost rank), or limits, kept the task from being met.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.report.status)
@@ -694,13 +695,13 @@ impl PyStep {
         self.report.basis_changed
     }
 
-    /// Whether the condition of the extended Jacobian, not the Jacobian itself, lost rank.
+    /// Whether the condition of the extended Jacobian, not the task Jacobian, lost rank.
     #[getter]
     fn algorithmic(&self) -> bool {
         self.report.algorithmic
     }
 
-    /// Limits that held a joint back: its name, which limit, which side.
+    /// Active limits: name of the joint, which limit, which side.
     #[getter]
     fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
         let joints = self.chain.get().chain.joints();
@@ -713,7 +714,7 @@ impl PyStep {
             .collect()
     }
 
-    /// Pairs that held the step back: names of a link and of an obstacle or link, and their distance, m.
+    /// Pairs that limited the step: names of a link and of an obstacle or link, and their distance, m.
     #[getter]
     fn limiting_pairs(&self) -> Vec<PairText> {
         self.pairs.clone()
@@ -802,10 +803,10 @@ type StepParts = (
     (Vec<(usize, String, bool)>, Vec<PairText>),
 );
 
-/// A plan that followed a path in closed loop, one row every `dt`.
+/// The result of following a path in closed loop, one row every `dt`.
 ///
-/// `converged`; `off_path`: farther from the path than the tolerance, the reason gives the largest error and its row;
-/// `limits`: a joint breaks a position or speed limit; `collision`: contact; `time_limit`: the rows so far.
+/// `converged`; `off_path`: farther from the path than the tolerance (the reason gives the largest error and its
+/// row); `limits`: a joint violates a position or speed limit; `collision`: contact; `time_limit`: the rows so far.
 #[pyclass(name = "Track", module = "redundancy", frozen, extends = PyPlan)]
 pub struct PyTrack {
     position_error: f64,
@@ -814,7 +815,7 @@ pub struct PyTrack {
 
 #[pymethods]
 impl PyTrack {
-    /// Largest distance from the path, m, of the coordinates that count.
+    /// Largest distance from the path, m, in the coordinates of the task.
     #[getter]
     fn position_error(&self) -> f64 {
         self.position_error
@@ -858,8 +859,8 @@ impl PyTrack {
 
 /// Follows a path in closed loop: `v = v_path(t) + feedback * error`, `q += dt * qd`.
 ///
-/// The resolver is copied, so a run does not disturb its state. A path without times is timed first: the least joint
-/// motion along it may use half of the velocity limits.
+/// The resolver is copied, so a run does not disturb its state. A path without times gets them first, such that the
+/// least joint motion along it uses at most half of the velocity limits.
 ///
 /// Args:
 ///     chain: The arm, the one that the resolver was made for.
@@ -868,11 +869,11 @@ impl PyTrack {
 ///     q0: Joint positions at the start `(n,)`.
 ///     dt: Length of a step, s.
 ///     feedback: Gain of the task error, 1/s; below `2 / dt`.
-///     tolerance: Largest distance (m) and angle (rad) from the path that are still on it (1e-3, 1e-2).
-///     scene: Obstacles. With them (or links) each row has its clearance, and contact in the rows or between them is an
-///         event and the status `collision`. Those of a resolver that keeps distances are taken when left out.
+///     tolerance: Largest allowed distance (m) and angle (rad) from the path (1e-3, 1e-2).
+///     scene: Obstacles. With them (or links) each row has its clearance, and contact in the rows or between them is
+///         an event and the status `collision`. By default those of a resolver that keeps distances.
 ///     links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
-///     self_collision: Whether links must not touch each other; `"auto"`: where `links` have pairs.
+///     self_collision: Whether links must not touch each other; `"auto"`: if `links` has pairs.
 ///     progress: Called with the share of the work done.
 ///     time_limit: Seconds after which the rows so far are returned; `None` is off.
 ///

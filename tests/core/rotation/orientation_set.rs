@@ -275,6 +275,18 @@ fn nearest_members_of_sets() {
     }
     println!("a small move comes nearer by at most {longest:e}");
     assert!(longest < 1e-5, "{longest}");
+    // Opposite of the first cone all of its rim is equally near.
+    let both = OrientationSet::from(Cone::z([0., 0., 1.], 0.5).unwrap())
+        .and(Cone::x([1., 0., 0.], 0.8).unwrap().into());
+    let turned = from_axis_angle([1., 0., 0.], std::f64::consts::PI).unwrap();
+    let near = both.nearest(&turned).unwrap();
+    let best = both
+        .sample(5000, 3)
+        .unwrap()
+        .iter()
+        .map(|s| rotation_angle(s, &turned))
+        .fold(f64::INFINITY, f64::min);
+    assert!(both.contains(&near, 1e-8) && rotation_angle(&near, &turned) <= best, "{best}");
     let apart = OrientationSet::from(Cone::z([0., 0., 1.], 0.3).unwrap())
         .and(Cone::z([0., 0., -1.], 0.3).unwrap().into());
     assert!(apart.nearest(&random.rotation()).is_none());

@@ -9,13 +9,15 @@
 
 use std::sync::Arc;
 
+use super::around::{Around, Near};
 use super::tool::{MOST_JOINTS, Target, ToolTask};
 use crate::chain::{Chain, JointKind};
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::kinematics::{Task, ToolFreedom, rotation_vector};
 use crate::path::Path;
-use crate::tolerance::{CYCLE_ANGLE, CYCLE_POSITION, JOINT_JUMP, PLAN_LEAST_SHARE};
+use crate::scene::{LinkGeometry, Scene};
+use crate::tolerance::{CYCLE_ANGLE, CYCLE_POSITION, JOINT_JUMP, PLAN_LEAST_SHARE, PLAN_ROOM};
 
 /// What a plan minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -71,6 +73,18 @@ pub struct PlanSettings {
     pub criterion: Option<Arc<dyn Criterion>>,
     /// Its weight.
     pub criterion_weight: f64,
+    /// Obstacles; contact is forbidden. Those that move are where the times of the path have them.
+    pub scene: Option<Scene>,
+    /// Shapes of the links; `None`: capsules of `link_radius` from joint to joint.
+    pub links: Option<LinkGeometry>,
+    /// Radius of these capsules, m.
+    pub link_radius: f64,
+    /// Whether links must not touch each other: the pairs of `links`, or those found for the capsules.
+    pub self_collision: bool,
+    /// Distance from obstacles that is wanted, m.
+    pub wanted_clearance: f64,
+    /// Weight of what is missing from it.
+    pub clearance_weight: f64,
     /// Weight of each joint in the motion; `None` is 1.
     pub joint_weights: Option<Vec<f64>>,
     /// Constant speed of the tool along the path, m/s; `None` takes the path's times.
@@ -103,6 +117,12 @@ impl Default for PlanSettings {
             limit_weight: 1.0,
             criterion: None,
             criterion_weight: 1.0,
+            scene: None,
+            links: None,
+            link_radius: 0.05,
+            self_collision: false,
+            wanted_clearance: 0.03,
+            clearance_weight: 1e4,
             joint_weights: None,
             tool_speed: None,
             velocity_limits: None,
@@ -126,6 +146,7 @@ impl PlanSettings {
             ("motion_weight", self.motion_weight),
             ("limit_weight", self.limit_weight),
             ("criterion_weight", self.criterion_weight),
+            ("clearance_weight", self.clearance_weight),
         ] {
             if !(0.0..=MAX_WEIGHT).contains(&value) {
                 return out(what, value, "between 0 and 1e6");
@@ -133,6 +154,12 @@ impl PlanSettings {
         }
         if !(self.margin.is_finite() && self.margin >= 0.0) {
             return out("margin", self.margin, "finite and >= 0");
+        }
+        if !(self.wanted_clearance.is_finite() && self.wanted_clearance >= 0.0) {
+            return out("wanted_clearance", self.wanted_clearance, "finite and >= 0 m");
+        }
+        if !(self.link_radius.is_finite() && self.link_radius > 0.0) {
+            return out("link_radius", self.link_radius, "finite and > 0 m");
         }
         if self.time_limit.is_nan() || self.time_limit < 0.0 {
             return out("time_limit", self.time_limit, ">= 0 s");
@@ -196,6 +223,11 @@ pub(super) struct Demand {
     pub motion_weight: f64,
     pub limit_weight: f64,
     pub criterion: Option<(f64, Arc<dyn Criterion>)>,
+    /// What the plan keeps away from, and the least distance that it keeps, m.
+    pub around: Option<Arc<Around>>,
+    pub safe: f64,
+    /// Time of each row, s, for obstacles that move; 0 without times.
+    pub time: Vec<f64>,
     pub objective: Objective,
     pub cyclic: bool,
     /// Configurations that are given at the ends.
@@ -246,6 +278,19 @@ impl Demand {
                 ));
             }
         }
+        let around = around(chain, &tool, settings)?;
+        if around.as_ref().is_some_and(Around::moves) && step_time.is_none() {
+            return Err(Error::Invalid(
+                "an obstacle of the scene moves, so the path needs times: give it t, or tool_speed".into(),
+            ));
+        }
+        let start = path.t().filter(|_| settings.tool_speed.is_none()).map_or(0.0, |t| t[0]);
+        let mut time = vec![start; rows];
+        if let Some(steps) = &step_time {
+            for row in 1..rows {
+                time[row] = time[row - 1] + steps[row - 1];
+            }
+        }
         let weights = settings.joint_weights.clone().unwrap_or_else(|| vec![1.0; n]);
         let mut demand = Self {
             chain: chain.clone(),
@@ -267,6 +312,9 @@ impl Demand {
             limit_weight: settings.limit_weight,
             criterion: (settings.criterion.clone())
                 .map(|criterion| (settings.criterion_weight * criterion.sense().sign(), criterion)),
+            around: around.map(Arc::new),
+            safe: PLAN_ROOM,
+            time,
             objective: settings.objective,
             cyclic: settings.cyclic,
             first: settings.q_start.clone(),
@@ -310,6 +358,21 @@ impl Demand {
         self.dof() - self.tool.rows()
     }
 
+    /// Number of inequalities of each row: those of the tool, and the distance from all that must not be touched.
+    pub fn bounds(&self) -> usize {
+        self.tool.bounds() + usize::from(self.around.is_some())
+    }
+
+    /// How near everything is at a configuration of a row.
+    pub fn near(&self, row: usize, q: &[f64]) -> Option<Near> {
+        self.around.as_ref().map(|around| around.near(q, self.time[row]))
+    }
+
+    /// Whether a configuration of a row touches nothing that the freedom moves.
+    pub fn is_clear(&self, row: usize, q: &[f64]) -> bool {
+        self.around.as_ref().is_none_or(|around| around.is_clear(q, self.time[row], 0.0))
+    }
+
     /// A given configuration of a row.
     pub fn given(&self, row: usize) -> Option<&[f64]> {
         if row == 0 && self.first.is_some() {
@@ -338,6 +401,7 @@ impl Demand {
         let mut out = Self {
             targets: rows.iter().map(|row| self.targets[*row].clone()).collect(),
             index: rows.iter().map(|row| self.index[*row]).collect(),
+            time: rows.iter().map(|row| self.time[*row]).collect(),
             step_share: (0..steps).map(|k| sum(&self.step_share, k)).collect(),
             step_time: self.step_time.as_ref().map(|t| (0..steps).map(|k| sum(t, k)).collect()),
             step_bound,
@@ -359,6 +423,11 @@ impl Demand {
         out
     }
 
+    /// The same problem with more distance from everything that must not be touched.
+    pub fn with_room(&self, room: f64) -> Self {
+        Self { safe: self.safe + room, ..self.clone() }
+    }
+
     /// The problem on the rows `first..end` alone, open at both ends.
     pub fn section(&self, first: usize, end: usize) -> Self {
         let n = self.dof();
@@ -366,6 +435,7 @@ impl Demand {
         let mut out = Self {
             targets: self.targets[first..end].to_vec(),
             index: self.index[first..end].to_vec(),
+            time: self.time[first..end].to_vec(),
             step_share: self.step_share[steps.clone()].to_vec(),
             step_bound: self.step_bound[steps.start * n..steps.end * n].to_vec(),
             step_time: self.step_time.as_ref().map(|times| times[steps].to_vec()),
@@ -433,6 +503,9 @@ impl Demand {
             && *weight != 0.0
         {
             cost += weight * criterion.value(q);
+        }
+        if let Some(around) = self.around.as_ref().filter(|around| around.weight > 0.0) {
+            cost += around.weight * around.near(q, self.time[row]).missing;
         }
         cost * self.row_share[row]
     }
@@ -505,6 +578,23 @@ impl Demand {
         }
         Ok(())
     }
+}
+
+/// What the plan keeps away from.
+fn around(chain: &Chain, tool: &ToolTask, settings: &PlanSettings) -> Result<Option<Around>> {
+    if settings.scene.is_none() && !settings.self_collision {
+        return Ok(None);
+    }
+    let links = match &settings.links {
+        Some(links) => links.clone(),
+        None => {
+            let capsules = LinkGeometry::joint_to_joint(chain, settings.link_radius)?;
+            if settings.self_collision { capsules.with_capsule_pairs(chain)? } else { capsules }
+        }
+    };
+    let task = tool.named().unwrap_or(Task::POSITION);
+    let what = (&links, settings.scene.as_ref(), settings.self_collision);
+    Around::new(chain, &task, what, (settings.wanted_clearance, settings.clearance_weight))
 }
 
 /// Position limits with the margin taken off.

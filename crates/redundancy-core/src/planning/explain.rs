@@ -7,6 +7,7 @@ use super::demand::Demand;
 use super::fill::fill;
 use super::nodes::{Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
+use super::push::Pusher;
 use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
@@ -14,13 +15,21 @@ use crate::chain::JointKind;
 use crate::joint_space::{TURN, nearest};
 use crate::parallel::prelude::*;
 use crate::path::{BlockedPoint, Reconfiguration};
+use crate::scene::Nearby;
 use crate::solutions::{SolutionsSettings, solutions};
 use crate::status::Status;
 use crate::tolerance::JOINT_JUMP;
 use crate::watch::Watch;
 
 /// What is said where no line was found over `nodes`.
-pub(super) fn without_line(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
+///
+/// `unreached` is a point that no line from the start comes to, where that is proven.
+pub(super) fn without_line(
+    demand: &Demand,
+    nodes: Nodes,
+    unreached: Option<usize>,
+    watch: &Watch,
+) -> Outcome {
     let empty: Vec<usize> = (0..nodes.rows.len())
         .filter(|layer| nodes.q[*layer].is_empty())
         .map(|layer| nodes.rows[layer])
@@ -36,7 +45,26 @@ pub(super) fn without_line(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outc
     if let Some(why) = watch.interrupted() {
         return Outcome::Interrupted(None, why);
     }
-    with_jumps(demand, nodes, watch)
+    let proof = unreached.map(|row| {
+        format!(
+            "no line exists: whatever the configuration at the start, none of those at point {row} is within one step \
+             of one at point {} that a line can have (exact)",
+            row - 1
+        )
+    });
+    match (with_jumps(demand, nodes, watch), proof) {
+        (Outcome::Jumps { q, jumps, reason, .. }, Some(proof)) => {
+            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven: true }
+        }
+        (Outcome::Nothing(_), Some(proof)) => Outcome::Nothing(proof),
+        (outcome, _) => outcome,
+    }
+}
+
+/// Whether the first point without states has no configuration, as far as random starts tell.
+pub(super) fn is_blocked(demand: &Demand, nodes: &Nodes) -> bool {
+    let empty = nodes.q.iter().position(Vec::is_empty);
+    empty.is_some_and(|layer| blocked(demand, nodes.rows[layer]).is_some())
 }
 
 /// Rows that may have no configuration: around layers without states.
@@ -67,7 +95,11 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
             return if states.is_empty() {
                 point(Status::Limits, format!("no configuration keeps {} from its limits", demand.margin))
             } else {
-                None
+                let mut contact = Clearest::default();
+                let mut pusher = Pusher::new(demand);
+                let clear =
+                    states.chunks_exact(demand.dof()).any(|q| contact.is_clear(demand, row, q, &mut pusher));
+                if clear { None } else { point(Status::Collision, contact.reason(demand)) }
             };
         }
     }
@@ -76,6 +108,7 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
     let mut puller = Puller::new(demand);
     let target = &demand.targets[row];
     let (mut miss, mut excess): (f64, Option<(f64, usize)>) = (f64::INFINITY, None);
+    let (mut contact, mut pusher) = (Clearest::default(), Pusher::new(demand));
     for _ in 0..STARTS {
         let mut q = posture(demand, &mut rng);
         if !puller.pull_free(&mut q, target, &Pull::FAR) {
@@ -87,13 +120,17 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
         let beyond = |i: usize| (demand.lower[i] - q[i]).max(q[i] - demand.upper[i]);
         let worst = (0..demand.dof()).map(|i| (beyond(i), i)).max_by(|a, b| a.0.total_cmp(&b.0))?;
         if worst.0 <= 0.0 || puller.pull(&mut q, target, &Pull::FAR) {
-            return None;
+            if contact.is_clear(demand, row, &q, &mut pusher) {
+                return None;
+            }
+            continue;
         }
         if excess.is_none_or(|best| worst.0 < best.0) {
             excess = Some(worst);
         }
     }
     match excess {
+        _ if contact.found.is_some() => point(Status::Collision, contact.reason(demand)),
         Some((excess, joint)) => point(
             Status::Limits,
             format!(
@@ -107,6 +144,50 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
             Status::Unreachable,
             format!("the best of {STARTS} starts ends {:.1} mm from the point", 1e3 * miss),
         ),
+    }
+}
+
+/// The configuration of a row within limits that is the farthest from contact, among those that touch something.
+#[derive(Default)]
+struct Clearest {
+    looked: usize,
+    found: Option<Nearby>,
+}
+
+impl Clearest {
+    /// Whether the configuration touches nothing, or can be pushed out of contact.
+    fn is_clear(&mut self, demand: &Demand, row: usize, q: &[f64], pusher: &mut Pusher<'_>) -> bool {
+        self.looked += 1;
+        if demand.is_clear(row, q) {
+            return true;
+        }
+        let Some(around) = &demand.around else { return true };
+        let nearest = |q: &[f64]| around.nearest(q, demand.time[row])[0];
+        let before = nearest(q).map_or(0.0, |near| near.gap.distance);
+        if self.found.is_some_and(|best| before < best.gap.distance - MUCH_DEEPER) {
+            return false;
+        }
+        let mut q = q.to_vec();
+        if pusher.push(row, &mut q) {
+            return true;
+        }
+        let near = nearest(&q);
+        if let Some(near) = near
+            && self.found.is_none_or(|best| near.gap.distance > best.gap.distance)
+        {
+            self.found = Some(near);
+        }
+        false
+    }
+
+    fn reason(&self, demand: &Demand) -> String {
+        let Some((around, near)) = demand.around.as_ref().zip(self.found) else { return String::new() };
+        format!(
+            "the best of {} configurations within limits has {} {:.1} mm deep in each other",
+            self.looked,
+            around.names(near.first, near.second),
+            -1e3 * near.gap.distance
+        )
     }
 }
 
@@ -132,7 +213,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
                 Err(Broken::Gap(layer)) => {
                     let rows = denser(&nodes.rows, layer);
                     let count = 2 * nodes.width(demand.dof());
-                    nodes = with_windings(demand, Nodes::over(demand, rows, count, 1));
+                    nodes = with_windings(demand, Nodes::over(demand, rows, count, 1, watch));
                     break;
                 }
             }
@@ -269,7 +350,7 @@ fn assembled(
     };
     let reason =
         format!("{found} (searched: {} states over each of {} points)", nodes.width(n), nodes.rows.len());
-    Outcome::Jumps { q, jumps, reason }
+    Outcome::Jumps { q, jumps, reason, proven: false }
 }
 
 /// The rows with all of those in the gap before a layer.
@@ -282,6 +363,8 @@ fn denser(rows: &[usize], layer: usize) -> Vec<usize> {
     out
 }
 
+/// Depth, m, beyond the best configuration so far from which pushing is not tried.
+const MUCH_DEEPER: f64 = 5e-3;
 /// Random starts of a verdict on a point.
 const STARTS: usize = 1_000;
 /// Most windings that are looked at for each state.

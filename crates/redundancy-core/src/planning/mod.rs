@@ -1,5 +1,6 @@
 //! Whole paths: which configuration and which tool orientation, point by point and all at once.
 
+mod around;
 mod demand;
 mod explain;
 mod fill;
@@ -9,6 +10,8 @@ mod nodes;
 mod painting;
 mod planner;
 mod pull;
+mod push;
+mod reach;
 mod refine;
 mod report;
 mod search;

@@ -9,12 +9,14 @@ use rand_chacha::ChaCha8Rng;
 
 use super::demand::Demand;
 use super::pull::{Pull, Puller, wind_into};
+use super::push::Pusher;
 use super::tool::MOST_BOUNDS;
 use crate::joint_space::windings;
 use crate::kinematics::rotation_vector;
 use crate::parallel::prelude::*;
 use crate::solutions::{Solutions, SolutionsSettings, solutions};
 use crate::tolerance::EDGE_ROUNDING;
+use crate::watch::Watch;
 
 /// States over some rows of a problem.
 #[derive(Debug, Clone)]
@@ -32,16 +34,16 @@ pub(super) struct Nodes {
 impl Nodes {
     /// About `count` states over each of `rows`. With at most one spare coordinate all but the first `look` take them from the
     /// solutions themselves, so that no arc is too narrow to be seen.
-    pub fn over(demand: &Demand, rows: Vec<usize>, count: usize, look: usize) -> Self {
+    pub fn over(demand: &Demand, rows: Vec<usize>, count: usize, look: usize, watch: &Watch) -> Self {
         if look > 0
-            && let Some(q) = exact(demand, &rows, NODE_SPACING / look as f64)
+            && let Some(q) = exact(demand, &rows, NODE_SPACING / look as f64, watch)
         {
             return Self { wound: Vec::new(), stops: Vec::new(), rows, q };
         }
-        Self::sample(demand, rows, count, look)
+        Self::sample(demand, rows, count, look, watch)
     }
 
-    fn sample(demand: &Demand, rows: Vec<usize>, count: usize, look: usize) -> Self {
+    fn sample(demand: &Demand, rows: Vec<usize>, count: usize, look: usize, watch: &Watch) -> Self {
         let layers = rows.len();
         let mut nodes =
             Self { wound: Vec::new(), stops: stops(demand, &rows), q: vec![Vec::new(); layers], rows };
@@ -53,7 +55,7 @@ impl Nodes {
                 (0..each).map(move |i| (layer, look * LOOK_NUMBERS + i))
             })
             .collect();
-        nodes.grow(demand, &work);
+        nodes.grow(demand, &work, watch);
         // Layers that lines do not reach get states of their own.
         for round in 1..=REFILLS {
             let work: Vec<(usize, usize)> = (0..layers)
@@ -63,7 +65,7 @@ impl Nodes {
             if work.is_empty() {
                 break;
             }
-            nodes.grow(demand, &work);
+            nodes.grow(demand, &work, watch);
         }
         nodes.keep_given(demand);
         nodes.merge_equal(demand);
@@ -127,12 +129,15 @@ impl Nodes {
     }
 
     /// Random postures at (layer, number), carried both ways.
-    fn grow(&mut self, demand: &Demand, work: &[(usize, usize)]) {
+    fn grow(&mut self, demand: &Demand, work: &[(usize, usize)], watch: &Watch) {
         let lines: Vec<Vec<(usize, Vec<f64>)>> = work
             .par_iter()
             .map_init(
                 || Puller::new(demand),
-                |puller, (layer, number)| self.line(demand, puller, *layer, *number),
+                |puller, (layer, number)| match watch.interrupted() {
+                    Some(_) => Vec::new(),
+                    None => self.line(demand, puller, *layer, *number),
+                },
             )
             .collect();
         for (layer, q) in lines.into_iter().flatten() {
@@ -156,7 +161,12 @@ impl Nodes {
                 Pull { tilt: rng.random::<f64>().sqrt(), spin: 2.0 * rng.random::<f64>() - 1.0, ..Pull::FAR };
             puller.pull_far(&mut q, target, &pull).then_some(q)
         });
-        found.map_or_else(Vec::new, |q| self.carried(demand, puller, layer, q))
+        let mut line = found.map_or_else(Vec::new, |q| self.carried(demand, puller, layer, q));
+        let mut pusher = None;
+        line.retain_mut(|(layer, q)| {
+            clear_or_pushed(demand, self.rows[*layer], q, number >= LOOK_NUMBERS, &mut pusher)
+        });
+        line
     }
 
     /// A state and what it becomes over the other layers, as far as it can be carried.
@@ -198,15 +208,38 @@ impl Nodes {
     }
 }
 
+/// Whether a state touches nothing, after it was pushed out of contact where `push` asks for it.
+fn clear_or_pushed<'a>(
+    demand: &'a Demand,
+    row: usize,
+    q: &mut [f64],
+    push: bool,
+    pusher: &mut Option<Pusher<'a>>,
+) -> bool {
+    demand.is_clear(row, q) || (push && pusher.get_or_insert_with(|| Pusher::new(demand)).push(row, q))
+}
+
 /// The states of the solutions themselves: points, or curves cut by the limits at even distances. `None` where they have
 /// more dimensions.
-fn exact(demand: &Demand, rows: &[usize], spacing: f64) -> Option<Vec<Vec<f64>>> {
+fn exact(demand: &Demand, rows: &[usize], spacing: f64, watch: &Watch) -> Option<Vec<Vec<f64>>> {
     let task = demand.tool.named().filter(|_| demand.spare() <= 1)?;
     rows.par_iter()
         .map(|row| {
             let settings = SolutionsSettings { task, seed: demand.seed, ..SolutionsSettings::default() };
             let all = solutions(&demand.chain, &demand.targets[*row].pose, &settings).ok()?;
-            states_of(demand, *row, all.as_ref(), spacing)
+            let states = states_of(demand, *row, all.as_ref(), spacing)?;
+            let (mut out, mut pusher) = (Vec::with_capacity(states.len()), None);
+            for q in states.chunks_exact(demand.dof()) {
+                if watch.interrupted().is_some() {
+                    return Some(Vec::new());
+                }
+                let mut q = q.to_vec();
+                let given = demand.given(*row).is_some();
+                if given || clear_or_pushed(demand, *row, &mut q, true, &mut pusher) {
+                    out.extend(q);
+                }
+            }
+            Some(out)
         })
         .collect()
 }

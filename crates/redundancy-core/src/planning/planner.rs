@@ -18,6 +18,7 @@ use super::demand::{Demand, Objective, PlanSettings};
 use super::explain;
 use super::fill::fill;
 use super::nodes::Nodes;
+use super::reach;
 use super::refine::{Goal, Refined, Refinement, refine};
 use super::report::{self, Outcome};
 use super::search::{Line, Search};
@@ -26,6 +27,7 @@ use crate::chain::Chain;
 use crate::error::Result;
 use crate::parallel::prelude::*;
 use crate::path::{Path, Plan};
+use crate::tolerance::PLAN_DEEP;
 use crate::watch::Watch;
 
 /// Plans a path for any chain, with any freedom of the tool.
@@ -84,7 +86,7 @@ struct Found {
 impl Run<'_> {
     fn solve(&self) -> Outcome {
         let mut best: Option<Refined> = None;
-        let mut last = None;
+        let (mut last, mut unreached) = (None, None);
         for level in LEVELS {
             let share = level.number as f64 / LEVELS.len() as f64;
             if level.number > 0 && self.watch.report(share).is_err() {
@@ -96,8 +98,14 @@ impl Run<'_> {
                 return self.finished(line);
             }
             let saturated = found.nodes.rows.len() == self.demand.rows() && level.number > 1;
+            // More states over other points do not help where a point has none.
+            let hopeless =
+                self.watch.interrupted().is_none() && explain::is_blocked(self.demand, &found.nodes);
             last = Some(found.nodes);
-            if saturated {
+            if level.number == 0 && !hopeless {
+                unreached = reach::first_unreached(self.demand, self.watch);
+            }
+            if saturated || hopeless || unreached.is_some() {
                 break;
             }
         }
@@ -106,7 +114,7 @@ impl Run<'_> {
         }
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
-            Some(nodes) => explain::without_line(self.demand, nodes, self.watch),
+            Some(nodes) => explain::without_line(self.demand, nodes, unreached, self.watch),
             None => Outcome::Nothing("no point was looked at".into()),
         }
     }
@@ -114,12 +122,16 @@ impl Run<'_> {
     /// The line that is returned, repaired where it does not hold between its rows.
     fn finished(&self, line: Refined) -> Outcome {
         let mut line = line;
-        for _ in 0..REPAIRS {
+        for round in 0..REPAIRS {
             let excess = verify::limit_excess(self.demand, &line.q);
-            if excess <= verify::LIMIT_ROUNDING {
+            let within = excess <= verify::LIMIT_ROUNDING;
+            let clear = verify::first_contact(self.demand, &line.q, true).is_none();
+            if within && clear {
                 break;
             }
-            let tight = self.demand.with_margin(REPAIR_MARGIN * excess);
+            let margin = if within { 0.0 } else { REPAIR_MARGIN * excess };
+            let room = if clear { 0.0 } else { REPAIR_ROOM * (round + 1) as f64 };
+            let tight = self.demand.with_margin(margin).with_room(room);
             let how = Refinement { watch: Some(self.watch), ..Refinement::FINE };
             match minimise(&tight, line.q.clone(), &how) {
                 Some(repaired) if repaired.is_legal() => line = repaired,
@@ -136,7 +148,8 @@ impl Run<'_> {
             (level.number as f64 + 1.0) / LEVELS.len() as f64,
         );
         let rows = demand.even_rows((layer_count(demand) * level.layers).min(MOST_LAYERS));
-        let mut nodes = Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number);
+        let mut nodes =
+            Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number, watch);
         if nodes.q.iter().any(Vec::is_empty) || part.report(0.3).is_err() {
             return Found { best: None, nodes };
         }
@@ -324,6 +337,10 @@ fn connected_lines(
         let filled: Vec<(Line, std::result::Result<Vec<f64>, usize>)> = (found.lines.into_par_iter())
             .map(|line| {
                 let filled = fill(demand, rows, &line.q, middle);
+                let filled = filled.and_then(|q| match deep_contact(demand, rows, middle, &q) {
+                    Some(step) => Err(step),
+                    None => Ok(q),
+                });
                 (line, filled)
             })
             .collect();
@@ -343,6 +360,14 @@ fn connected_lines(
         }
     }
     (out, wound)
+}
+
+/// The first step of the line on `rows` on which something is deep in another between them.
+fn deep_contact(demand: &Demand, rows: &[usize], middle: &[usize], q: &[f64]) -> Option<usize> {
+    let around = demand.around.as_ref()?;
+    let mut places = q.chunks_exact(demand.dof()).zip(middle);
+    let (_, row) = places.find(|(q, row)| !around.is_clear(q, demand.time[**row], -PLAN_DEEP))?;
+    Some(rows.partition_point(|first| first <= row).saturating_sub(1))
 }
 
 /// Refines a line towards the objective.
@@ -455,3 +480,5 @@ const ILLEGAL: f64 = 1e12;
 /// Times that a line is pulled back from limits that it breaks between its rows, and by how many times the excess.
 const REPAIRS: usize = 2;
 const REPAIR_MARGIN: f64 = 2.0;
+/// The same for contact, m.
+const REPAIR_ROOM: f64 = 3e-3;

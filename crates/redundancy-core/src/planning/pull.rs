@@ -39,6 +39,8 @@ impl Pull {
     pub const FAR: Self = Self { tilt: 0.9, spin: 0.9, done: 1e-4, steps: 30, longest: 0.5 };
     /// From the point before.
     pub const NEAR: Self = Self { tilt: 0.98, spin: 0.98, done: 1e-3, steps: 8, longest: 0.5 };
+    /// Onto the task and no farther: what leaves the cone or the range of the spin is put on its edge.
+    pub const ONTO: Self = Self { tilt: 1.0, spin: 1.0, ..Self::NEAR };
 }
 
 impl<'a> Puller<'a> {

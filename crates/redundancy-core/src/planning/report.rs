@@ -4,6 +4,7 @@ use super::demand::Demand;
 use super::refine::{LEGAL, Refined};
 use super::verify;
 use crate::error::Result;
+use crate::parallel::prelude::*;
 use crate::path::{
     BlockedPoint, Event, EventKind, Path, Plan, PlanBuilder, Reconfiguration, TimingSettings, Trajectory,
     times_within_limits,
@@ -21,7 +22,7 @@ pub(super) enum Outcome {
     /// Points without any configuration.
     Blocked(Vec<BlockedPoint>),
     /// No continuous line: rows with jumps, and why.
-    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String },
+    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String, proven: bool },
     /// Nothing at all, and why.
     Nothing(String),
 }
@@ -46,14 +47,19 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
                 (point.status, format!("point {}: {}", point.row, point.reason))
             });
             let verb = if count == 1 { "point has" } else { "points have" };
-            let reason = format!("{count} of {total} {verb} no configuration; the first is {why}");
+            let what = if status == Status::Collision {
+                "no configuration without contact"
+            } else {
+                "no configuration"
+            };
+            let reason = format!("{count} of {total} {verb} {what}; the first is {why}");
             PlanBuilder::without_rows(names(), status)?
                 .reason(reason)
                 .asking_about_units(&demand.chain, path)
                 .blocked(points)
                 .build()
         }
-        Outcome::Jumps { q, jumps, reason } => of_jumps(demand, path, &q, jumps, reason),
+        Outcome::Jumps { q, jumps, reason, proven } => of_jumps(demand, path, &q, jumps, (reason, proven)),
         Outcome::Nothing(reason) => PlanBuilder::without_rows(names(), Status::Infeasible)?
             .reason(reason)
             .asking_about_units(&demand.chain, path)
@@ -69,11 +75,14 @@ fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Int
     }
     let jump = verify::first_jump(demand, &line.q);
     let excess = verify::limit_excess(demand, &line.q).max(line.violation);
-    let legal = jump.is_none() && excess <= LEGAL.max(verify::LIMIT_ROUNDING);
+    let contact = contact(demand, &line.q);
+    let legal = jump.is_none() && contact.is_none() && excess <= LEGAL.max(verify::LIMIT_ROUNDING);
     let (status, reason) = if let Some(why) = interrupted {
         (why.status(), format!("{why}: this is the best line so far"))
     } else if let Some(step) = jump {
         (Status::Infeasible, format!("the line is not continuous between points {step} and {}", step + 1))
+    } else if let Some(contact) = contact {
+        (Status::Collision, contact)
     } else if !legal {
         (Status::Infeasible, format!("the best line breaks a limit by {excess:.3e} rad or m"))
     } else if line.converged {
@@ -90,12 +99,42 @@ fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Int
     builder.asking_about_units(&demand.chain, path).build()
 }
 
+/// What touches along a line, and where.
+fn contact(demand: &Demand, q: &[f64]) -> Option<String> {
+    let around = demand.around.as_ref()?;
+    for moved in [true, false] {
+        let Some((step, hit)) = verify::first_contact(demand, q, moved) else { continue };
+        let n = demand.dof();
+        let pairs = usize::from(!moved);
+        let deep = |row: usize| {
+            let near = around.nearest(&q[row * n..(row + 1) * n], demand.time[row])[pairs]?;
+            (near.gap.distance < 0.0).then_some((row, near))
+        };
+        let deep: Vec<_> = (0..demand.rows()).into_par_iter().filter_map(deep).collect();
+        let deepest = deep.into_iter().min_by(|a, b| a.1.gap.distance.total_cmp(&b.1.gap.distance));
+        let why =
+            if moved { "" } else { "; the path itself forces it: allow this contact, or change the path" };
+        let names = around.names(hit.first, hit.second);
+        let at = demand.index[step];
+        return Some(match deepest {
+            Some((row, near)) => format!(
+                "{} touch, {:.3} mm deep at point {}; the first contact is {names} after point {at}{why}",
+                around.names(near.first, near.second),
+                -1e3 * near.gap.distance,
+                demand.index[row],
+            ),
+            None => format!("{names} touch between points {at} and {}{why}", at + 1),
+        });
+    }
+    None
+}
+
 fn of_jumps(
     demand: &Demand,
     path: &Path,
     q: &[f64],
     jumps: Vec<Reconfiguration>,
-    reason: String,
+    (reason, proven): (String, bool),
 ) -> Result<Plan> {
     let t = times(demand, path, q)?;
     let event = |jump: &Reconfiguration| Event {
@@ -108,6 +147,7 @@ fn of_jumps(
     let events = jumps.iter().map(event).collect();
     rows(demand, path, q, events, Status::Infeasible)?
         .legal(false)
+        .proven(proven)
         .reason(reason)
         .reconfigurations(jumps)
         .asking_about_units(&demand.chain, path)
@@ -136,6 +176,18 @@ fn rows(demand: &Demand, path: &Path, q: &[f64], events: Vec<Event>, status: Sta
     let cost = (0..count)
         .map(|row| if row < demand.rows() { demand.row_cost(row, &q[row * n..(row + 1) * n]) } else { 0.0 });
     builder = builder.row_cost(cost.collect());
+    if let Some(around) = &demand.around {
+        let time = |row: usize| demand.time[row % demand.rows()];
+        let near: Vec<[f64; 2]> =
+            (0..count).into_par_iter().map(|row| around.row(&q[row * n..(row + 1) * n], time(row))).collect();
+        let [obstacles, own] = around.looks_at();
+        if obstacles {
+            builder = builder.clearance(near.iter().map(|near| near[0]).collect());
+        }
+        if own {
+            builder = builder.self_clearance(near.iter().map(|near| near[1]).collect());
+        }
+    }
     builder.s(path.s().to_vec()).margin_of(&demand.chain).map(|builder| builder.poses(poses))
 }
 

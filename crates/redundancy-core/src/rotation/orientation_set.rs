@@ -27,7 +27,9 @@ use crate::error::{Error, Result};
 use crate::rotation::cone::Cone;
 use crate::rotation::quaternion::{compose, nearest_sign, rotation_angle};
 use crate::rotation::volume::{Proposals, QuaternionVolume, unit_interval};
-use crate::tolerance::{SET_EDGE, SET_MEMBER, SET_SHORTEST, SET_STEP, SET_STILL, SET_STRETCH};
+use crate::tolerance::{
+    SET_APART, SET_BESIDE, SET_EDGE, SET_MEMBER, SET_SHORTEST, SET_STEP, SET_STILL, SET_STRETCH,
+};
 
 /// Draws without a member before a set counts as empty.
 pub const SET_DRAWS: usize = 200_000;
@@ -35,6 +37,8 @@ pub const SET_DRAWS: usize = 200_000;
 const ROUNDS: usize = 100;
 /// Steps along an edge.
 const EDGE_STEPS: usize = 40;
+/// Places on the edges, the nearest ones, from which these are followed.
+const EDGES: usize = 8;
 
 /// A set of orientations.
 ///
@@ -281,11 +285,32 @@ fn nearest_common(parts: &[QuaternionVolume], q: &UnitQuaternion<f64>) -> Option
     if let Some(p) = alone.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q))) {
         return Some(*p);
     }
-    let mut starts = vec![*q];
-    starts.extend(singles);
-    let found =
-        starts.iter().filter_map(|start| projected(parts, start)).map(|p| along_the_edge(parts, p, q));
-    found.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)))
+    let mut found: Vec<_> = starts(q, singles).iter().filter_map(|start| projected(parts, start)).collect();
+    found.sort_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)));
+    // Those on the same piece of an edge would end at the same place.
+    let mut apart: Vec<UnitQuaternion<f64>> = Vec::new();
+    for p in found {
+        if apart.len() < EDGES && apart.iter().all(|other| rotation_angle(other, &p) > SET_APART) {
+            apart.push(p);
+        }
+    }
+    let ends = apart.into_iter().map(|p| along_the_edge(parts, p, q));
+    ends.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)))
+}
+
+/// Where the projections begin: at `q`, at the nearest members of the single parts and at rotations of `q` about the
+/// diagonals of a cube in steps over half a turn. Opposite of a cone all of its rim is as near as any point of it, so that
+/// the projections may lead nowhere from `q` itself; the first step is next to it.
+fn starts(q: &UnitQuaternion<f64>, singles: Vec<UnitQuaternion<f64>>) -> Vec<UnitQuaternion<f64>> {
+    let mut all = vec![*q];
+    all.extend(singles);
+    for angle in [SET_BESIDE, 0.7, 1.4, 2.1, 2.8] {
+        for signs in 0..8 {
+            let side = |axis: usize| if signs >> axis & 1 == 0 { angle } else { -angle };
+            all.push(moved(q, &(Vector3::new(side(0), side(1), side(2)) / 3.0_f64.sqrt())));
+        }
+    }
+    all
 }
 
 /// Rotation vector, reference axes, from `from` to `to`.

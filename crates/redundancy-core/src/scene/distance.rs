@@ -6,7 +6,7 @@
 //! the change of the distance, as the place on the segment is stationary or an end. Where the deepest point in a box is
 //! equally deep below two faces, `n = a n_1 + (1 - a) n_2` with the share that makes it perpendicular to the segment.
 //!
-//! Closed forms for sphere and capsule (Ericson, Real-Time Collision Detection, 2005, 5.1.9); for the box a
+//! Closed forms for sphere and capsule [Ericson2005, section 5.1.9]; for the box a
 //! piecewise linear (inside) or quadratic (outside) convex function of one variable is minimised exactly, by steps from one
 //! piece to the next. A general library of shapes (parry3d-f64) was not taken: it gives the depth of the whole capsule,
 //! not of its axis, in a box, and nothing here is larger than a page.

@@ -62,6 +62,27 @@ fn load(demand: &Demand, q: &[f64], i: usize, goal: Goal) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// Most inequalities of a row: those of the tool, and the room.
+pub(super) const MOST_ROW_BOUNDS: usize = MOST_BOUNDS + 1;
+
+/// Values of the inequalities of a row.
+pub(super) fn row_bounds(demand: &Demand, row: usize, q: &[f64]) -> [f64; MOST_ROW_BOUNDS] {
+    let mut h = [f64::INFINITY; MOST_ROW_BOUNDS];
+    let bounds = demand.tool.bounds();
+    if bounds > 0 {
+        demand.tool.bound_values(&demand.chain.forward_unchecked(q), &demand.targets[row], &mut h);
+    }
+    if let Some(near) = demand.near(row, q) {
+        h[bounds] = room_bound(demand, near.room);
+    }
+    h
+}
+
+/// The room as an inequality of order 1.
+pub(super) fn room_bound(demand: &Demand, room: f64) -> f64 {
+    (room - demand.safe) / ROOM_SCALE
+}
+
 pub(super) fn step_bound(demand: &Demand, goal: Goal, step: usize, i: usize) -> f64 {
     let bound = demand.step_bound[step * demand.dof() + i];
     match (goal, &demand.step_time) {
@@ -92,6 +113,13 @@ pub(super) fn violation(demand: &Demand, q: &[f64], goal: Goal) -> (f64, usize) 
             let mut h = [0.0; MOST_BOUNDS];
             demand.tool.bound_values(&demand.chain.forward_unchecked(q), &demand.targets[row], &mut h);
             h[..bounds].iter().for_each(|h| meet(-h, row));
+        }
+        // The distance itself: its smooth lower bound, and the room for the way between rows, are no limits.
+        if !demand.is_clear(row, q)
+            && let Some([Some(near), _]) =
+                demand.around.as_ref().map(|around| around.nearest(q, demand.time[row]))
+        {
+            meet(-near.gap.distance, row);
         }
     }
     for step in 0..demand.steps() {
@@ -124,3 +152,5 @@ const NEAR_STEP: f64 = 0.6;
 pub(super) const LEAST_SLACK: f64 = 1e-2;
 /// Share of the scale up to which a bound counts as met: then its slack starts further inside.
 pub(super) const NEAR_SLACK: f64 = 1e-3;
+/// Room, m, that counts as much as the whole of a cone.
+pub(super) const ROOM_SCALE: f64 = 0.1;

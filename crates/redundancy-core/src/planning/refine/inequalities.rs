@@ -1,7 +1,6 @@
 //! Values of the bounds of a line, and how they change along a direction.
 
-use super::super::tool::MOST_BOUNDS;
-use super::bounds::step_bound;
+use super::bounds::{MOST_ROW_BOUNDS, row_bounds, step_bound};
 use super::linear::Linear;
 use super::row::{CHUNK, dot};
 use crate::parallel::prelude::*;
@@ -10,7 +9,7 @@ impl Linear<'_> {
     /// Values of all bounds; infinite where one does not take part.
     pub(super) fn inequalities(&self, q: &[f64], peak: f64) -> Vec<f64> {
         let (demand, sets) = (self.demand, &self.sets);
-        let (n, bounds) = (demand.dof(), demand.tool.bounds());
+        let (n, bounds) = (demand.dof(), demand.bounds());
         let mut h = Vec::with_capacity(self.count());
         for (row, q) in q.chunks_exact(n).enumerate() {
             let given = demand.given(row).is_some();
@@ -20,20 +19,16 @@ impl Linear<'_> {
             }
         }
         if bounds > 0 {
-            let values: Vec<[f64; MOST_BOUNDS]> = q
+            let values: Vec<[f64; MOST_ROW_BOUNDS]> = q
                 .par_chunks_exact(n)
                 .enumerate()
                 .with_min_len(CHUNK)
                 .map(|(row, q)| {
-                    let mut h = [f64::INFINITY; MOST_BOUNDS];
-                    if demand.given(row).is_none() {
-                        demand.tool.bound_values(
-                            &demand.chain.forward_unchecked(q),
-                            &demand.targets[row],
-                            &mut h,
-                        );
+                    if demand.given(row).is_some() {
+                        [f64::INFINITY; MOST_ROW_BOUNDS]
+                    } else {
+                        row_bounds(demand, row, q)
                     }
-                    h
                 })
                 .collect();
             h.extend(values.iter().flat_map(|h| &h[..bounds]));
@@ -59,7 +54,7 @@ impl Linear<'_> {
 
     pub(super) fn count(&self) -> usize {
         let (rows, steps) = (self.demand.rows(), self.demand.steps());
-        rows * (2 * self.sets.bounds.len() + self.demand.tool.bounds())
+        rows * (2 * self.sets.bounds.len() + self.demand.bounds())
             + 2 * steps * (self.sets.steps.len() + self.sets.peak.len())
     }
 
@@ -87,14 +82,14 @@ impl Linear<'_> {
     pub(super) fn offsets(&self) -> [usize; 3] {
         let (rows, steps) = (self.demand.rows(), self.demand.steps());
         let tool = rows * 2 * self.sets.bounds.len();
-        let step = tool + rows * self.demand.tool.bounds();
+        let step = tool + rows * self.demand.bounds();
         [tool, step, step + steps * 2 * self.sets.steps.len()]
     }
 
     /// Change of the bounds along a direction.
     pub(super) fn along(&self, d: &[f64], peak: f64) -> Vec<f64> {
         let (demand, sets) = (self.demand, &self.sets);
-        let (n, bounds) = (demand.dof(), demand.tool.bounds());
+        let (n, bounds) = (demand.dof(), demand.bounds());
         let mut out = Vec::with_capacity(self.count());
         for d in d.chunks_exact(n) {
             out.extend(sets.bounds.iter().flat_map(|i| [d[*i], -d[*i]]));

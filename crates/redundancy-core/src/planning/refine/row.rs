@@ -1,7 +1,8 @@
 //! One row of a line at one iterate.
 
 use super::super::demand::Demand;
-use super::super::tool::{MOST_BOUNDS, MOST_JOINTS};
+use super::super::tool::MOST_JOINTS;
+use super::bounds::MOST_ROW_BOUNDS;
 use crate::kinematics::NullSpace;
 
 /// What is linear about one row.
@@ -15,10 +16,10 @@ pub(super) struct Row {
     pub stationary: Vec<f64>,
     /// Back onto the task.
     pub back: Vec<f64>,
-    /// Gradients of the tool's bounds.
+    /// Gradients of the row's bounds: those of the tool, then the room.
     pub tool: Vec<f64>,
     /// Their values.
-    pub tool_values: [f64; MOST_BOUNDS],
+    pub tool_values: [f64; MOST_ROW_BOUNDS],
     /// Factors of the equations.
     pub null: NullSpace,
     /// Whether there are factors.
@@ -34,8 +35,8 @@ impl Row {
             gradient: vec![0.0; n],
             stationary: vec![0.0; n],
             back: vec![0.0; n],
-            tool: vec![0.0; demand.tool.bounds() * n],
-            tool_values: [0.0; MOST_BOUNDS],
+            tool: vec![0.0; demand.bounds() * n],
+            tool_values: [0.0; MOST_ROW_BOUNDS],
             null: NullSpace::new(m, n),
             factored: false,
         }

@@ -2,8 +2,9 @@
 
 use nalgebra::DMatrix;
 
+use super::super::around::NearDerivatives;
 use super::super::demand::Demand;
-use super::super::tool::MOST_BOUNDS;
+use super::bounds::{MOST_ROW_BOUNDS, ROOM_SCALE, room_bound};
 use super::linear::Linear;
 use super::row::{CHUNK, Row};
 use crate::kinematics::Scratch;
@@ -22,7 +23,7 @@ impl Linear<'_> {
 
     fn linearise_row(&self, work: &mut RowWork, k: usize, row: &mut Row) {
         let (demand, sets) = (self.demand, &self.sets);
-        let (n, r, bounds) = (demand.dof(), demand.spare(), demand.tool.bounds());
+        let (n, r, bounds) = (demand.dof(), demand.spare(), demand.bounds());
         let [first_tool, ..] = self.offsets();
         let q = &self.q[k * n..(k + 1) * n];
         row.hessian.fill(0.0);
@@ -41,7 +42,10 @@ impl Linear<'_> {
         row.null.shortest(&work.c, &mut row.back);
         row.back.iter_mut().for_each(|d| *d = -*d);
         row.basis.copy_from_slice(&row.null.basis().as_slice()[..n * r]);
-        self.row_cost(&mut work.gradient, &mut work.hessian, k, q, row);
+        if let Some(around) = &demand.around {
+            around.derivatives(&kinematics, demand.time[k], &mut work.near);
+        }
+        self.row_cost((&mut work.gradient, &mut work.hessian), &work.near, k, q, row);
         row.stationary.copy_from_slice(&row.gradient);
         for (j, i) in sets.bounds.iter().enumerate() {
             let at = 2 * (k * sets.bounds.len() + j);
@@ -51,9 +55,17 @@ impl Linear<'_> {
             row.stationary[*i] -= self.z[low] - self.z[high];
         }
         if bounds > 0 {
-            demand.tool.write_bounds(&kinematics, target, &mut row.tool_values, &mut row.tool);
+            let of_tool = demand.tool.bounds();
+            if of_tool > 0 {
+                demand.tool.write_bounds(&kinematics, target, &mut row.tool_values, &mut row.tool);
+            }
+            if demand.around.is_some() {
+                row.tool_values[of_tool] = room_bound(demand, work.near.near.room);
+                let gradient = row.tool[of_tool * n..].iter_mut().zip(&work.near.room_gradient);
+                gradient.for_each(|(out, g)| *out = g / ROOM_SCALE);
+            }
             let at = first_tool + k * bounds;
-            let mut weights = [0.0; MOST_BOUNDS];
+            let mut weights = [0.0; MOST_ROW_BOUNDS];
             for (b, gradient) in row.tool.chunks_exact(n).enumerate() {
                 let (z, y, w) = (self.z[at + b], self.y[at + b], self.z[at + b] / self.s[at + b]);
                 weights[b] = -z;
@@ -65,7 +77,12 @@ impl Linear<'_> {
                     }
                 }
             }
-            demand.tool.add_bound_curvature(&kinematics, target, &weights[..bounds], &mut row.hessian);
+            demand.tool.add_bound_curvature(&kinematics, target, &weights[..of_tool], &mut row.hessian);
+            if demand.around.is_some() {
+                let weight = weights[of_tool] / ROOM_SCALE;
+                let curvature = row.hessian.iter_mut().zip(&work.near.room_hessian);
+                curvature.for_each(|(out, h)| *out += weight * h);
+            }
         }
         for (step, sign) in self.neighbours(k) {
             let step = &self.steps[step];
@@ -86,7 +103,14 @@ impl Linear<'_> {
     }
 
     /// Adds gradient and Hessian of a row's cost.
-    fn row_cost(&self, gradient: &mut [f64], hessian: &mut DMatrix<f64>, k: usize, q: &[f64], row: &mut Row) {
+    fn row_cost(
+        &self,
+        (gradient, hessian): (&mut [f64], &mut DMatrix<f64>),
+        near: &NearDerivatives,
+        k: usize,
+        q: &[f64],
+        row: &mut Row,
+    ) {
         let demand = self.demand;
         let weight = self.cost_weight * demand.row_share[k];
         if demand.limit_weight > 0.0 {
@@ -101,6 +125,11 @@ impl Linear<'_> {
             row.gradient.iter_mut().zip(&*gradient).for_each(|(out, g)| *out += weight * g);
             row.hessian.iter_mut().zip(hessian.as_slice()).for_each(|(out, h)| *out += weight * h);
         }
+        if let Some(around) = demand.around.as_ref().filter(|around| around.weight > 0.0) {
+            let weight = weight * around.weight;
+            row.gradient.iter_mut().zip(&near.missing_gradient).for_each(|(out, g)| *out += weight * g);
+            row.hessian.iter_mut().zip(&near.missing_hessian).for_each(|(out, h)| *out += weight * h);
+        }
     }
 }
 
@@ -112,6 +141,7 @@ struct RowWork {
     multipliers: Vec<f64>,
     gradient: Vec<f64>,
     hessian: DMatrix<f64>,
+    near: NearDerivatives,
 }
 
 impl RowWork {
@@ -124,6 +154,7 @@ impl RowWork {
             multipliers: vec![0.0; m],
             gradient: vec![0.0; n],
             hessian: DMatrix::zeros(n, n),
+            near: NearDerivatives::new(n),
         }
     }
 }
