@@ -303,3 +303,99 @@ def test_at_the_largest_speed_some_limit_is_reached():
             (best.point_speeds[:, None] * np.abs(rates) / speeds).max(axis=1), 1.0, atol=1e-9
         )
     assert directions == {-1.0, 1.0}
+
+
+def test_the_barrier_stops_at_the_safe_distance():
+    arm, pose = srs_pose()
+    start = 0.4
+    elbow = arm.chain.forward(arm.solve(pose, start)[0], "link_4")[:3, 3]
+    side = np.cross([0.0, 0.0, 1.0], elbow)
+    side /= np.linalg.norm(side)
+    scene = rd.Scene([rd.Sphere(elbow + 0.25 * side, 0.08)])
+
+    def distance(s):
+        return scene.clearance(arm.chain, arm.solve(pose, s)[0], link_radius=0.05).distance
+
+    towards = 1.0 if distance(start + 0.1) < distance(start - 0.1) else -1.0
+    flow = rd.SwivelFlow(
+        arm, start + 1.2 * towards, scene, weights=(1, 0, 0, 0), safe_distance=0.03, link_radius=0.05
+    )
+    s, before = start, distance(start)
+    for _ in range(800):
+        s = flow.step(pose, s, DT)
+        # By the distance that is left above the safe one, 5 times a second; to second order in the step.
+        assert distance(s) - before >= -5.0 * (before - 0.03) * DT - 1e-4
+        before = distance(s)
+    assert distance(s) == pytest.approx(0.03, abs=1e-3)
+
+
+def test_at_its_limits_the_saturated_scheme_stays_nearest_to_the_wish():
+    arm = rd.catalog.load("iiwa14")
+    rng = np.random.default_rng(16)
+    held = 0
+    for _ in range(60):
+        q = rng.uniform(0.7 * arm.lower, 0.7 * arm.upper)
+        jacobian = arm.jacobian(q)
+        if np.linalg.svd(jacobian, compute_uv=False)[-1] < 0.1:
+            continue
+        n = null_space(jacobian)[:, 0]
+        v = jacobian @ (0.1 * rng.normal(size=7))
+        h, gain = rd.Posture(arm, rng.uniform(-1, 1, size=7)), rng.choice([0.5, 20.0])
+        least = np.linalg.pinv(jacobian) @ v
+        bound = arm.velocity_limit
+        ends = np.sort([(-bound - least) / n, (bound - least) / n], axis=0)
+        moves = np.abs(n) > 1e-9
+        low, high = ends[0][moves].max(), ends[1][moves].min()
+        wish = -gain * (n @ h.gradient(q))
+        step = rd.SaturatedNullspace(arm, h, gain).step(q, v, 1e-6)
+        assert step.scale == 1.0
+        assert n @ (step.qd - least) == pytest.approx(np.clip(wish, low, high), abs=1e-8)
+        held += not low < wish < high
+    assert held >= 10
+
+
+def test_small_angles_keep_their_digits():
+    arm = rd.catalog.load("iiwa14")
+    solver, q = rd.IkSolver(arm, "newton", max_iterations=1), np.full(7, 0.3)
+    for angle in (1e-6, 1e-4, 3e-4, 4.9e-4, 5.1e-4, 1e-3, 0.1, 3.1):
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        measured = solver.trace(arm.forward(q) @ turn, q).orientation_error[0]
+        assert measured == pytest.approx(angle, rel=1e-9, abs=1e-14)
+
+
+def test_without_a_wish_the_middle_of_the_longest_arc_is_taken():
+    arm = rd.catalog.load("iiwa14")
+    # A narrow range of joint 3 leaves short arcs that a few swivels miss.
+    lower, upper = arm.lower.copy(), arm.upper.copy()
+    lower[2], upper[2] = 0.3, 0.42
+    narrow = rd.SrsArm(arm.with_limits(lower=lower, upper=upper))
+    solver, rng = rd.IkSolver(narrow.chain), np.random.default_rng(17)
+    middles = 0
+    for _ in range(200):
+        found = solver.solve(narrow.chain.forward(rng.uniform(lower, upper)))
+        assert found.status == "converged"
+        motion = narrow.self_motion(narrow.chain.forward(found.q))
+        arcs = [(hi - lo, 0.5 * (lo + hi)) for b in motion.branches for lo, hi in b.intervals()]
+        swivel = narrow.swivel(found.q)
+        hit = [length for length, middle in arcs if abs(np.angle(np.exp(1j * (swivel - middle)))) < 1e-6]
+        if hit:
+            middles += 1
+            assert max(hit) >= max(length for length, _ in arcs) - 1e-6
+    assert middles >= 10
+
+
+def test_the_cost_of_a_plan_is_that_of_its_formula():
+    arm = rd.SrsArm(rd.catalog.load("iiwa14"))
+    tool = np.diag([-1.0, 1.0, -1.0])
+    poses = rd.paths.circle((0.5, -0.1, 0.4), 0.1, turns=0.6, orientation=tool, n=40).poses
+    t = np.cumsum(np.r_[0.0, np.random.default_rng(18).uniform(0.2, 2.0, size=39)])
+    plan = rd.plan_swivel(arm, rd.Path(poses, t=t), limit_weight=2.0, motion_weight=0.3)
+    assert plan.status == "converged"
+    parts = np.diff(t) / (t[-1] - t[0])
+    shares = 0.5 * (np.r_[parts, 0.0] + np.r_[0.0, parts])
+    lower, upper = arm.chain.lower, arm.chain.upper
+    x = (plan.q - 0.5 * (lower + upper)) / (0.5 * (upper - lower))
+    limits = 2.0 * ((x**2 / (1 - x**2)) ** 2).sum(axis=1)
+    motion = 0.3 * (np.diff(plan.q, axis=0) ** 2).sum(axis=1) / parts
+    assert plan.cost == pytest.approx(shares @ limits + motion.sum(), rel=1e-9)
