@@ -61,8 +61,8 @@ def test_extended_jacobian_is_bounded_on_lines_of_a_seven_joint_arm():
     # On lines 2, 10 and 26 the freedom must add little to what the task asks for near singularities.
     lines = list(lines_of_iiwa(40))
     chosen = range(40) if FULL else [1, 2, 10, 26, 29]
-    # The optimum of this one leads into a singularity of J, which the projected gradient passes at a distance: there the
-    # task alone asks for more than twice the joint speed of that run.
+    # The optimum of this one leads into a singularity of J, which the projected gradient passes at a distance:
+    # there the task alone asks for more than twice the joint speed of that run.
     singular = {29: 2.6}
     arm = rd.catalog.load("iiwa14")
     h = rd.JointRange(arm)
