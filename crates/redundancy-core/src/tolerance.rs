@@ -385,8 +385,7 @@ pub const NEWTON_DECREMENT: f64 = 0.25;
 /// to the boundary of one set it is 1 or more and the step ends half-way to where it should.
 pub const STEP_DOUBLING: f64 = 0.7;
 
-/// Share of the value and the weights of a barrier problem below which a decrease is rounding: two digits above it, since
-/// margins near their rims lose some.
+/// Share of the value and the weights of a barrier problem below which a decrease is rounding.
 pub const VALLEY_ROUNDING: f64 = 1e-14;
 
 /// Margin on a cone's axis (0.1 degrees of half-angle), and share of a perpendicular part, above which differences of
@@ -572,8 +571,7 @@ pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
 /// freedom on joints without speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
 pub const FREEDOM_SPEED_RATIO: f64 = 1.5;
 
-/// The same for joints with a speed limit. More is of no use near singularities, where the task alone is beyond the limits; less
-/// keeps the arm from leaving them.
+/// The same for joints with a speed limit: more is fast near singularities, less keeps the arm from leaving them.
 pub const LIMITED_SPEED_RATIO: f64 = 1.25;
 
 /// Length (rad or m) of the step along the freedom over which the change of the least singular value is seen.
