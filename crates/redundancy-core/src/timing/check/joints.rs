@@ -1,4 +1,4 @@
-//! What the rows say about each joint: limits between the rows, jumps, whole turns, rest at the ends.
+//! Checks of each joint: limits between the rows, jumps, whole turns, rest at the ends.
 
 use super::finding::FindingKind;
 use super::interval::{derivative, leaves, position};
@@ -200,8 +200,11 @@ pub(super) fn rest(chain: &Chain, trajectory: &Trajectory, settings: &CheckSetti
             let slack = if only_differences && acceleration.is_finite() { acceleration * h } else { 0.0 };
             let mut add = |value: f64, bound: f64, part: usize, what: String| {
                 let owner = Owner { part, ..Owner::joint(FindingKind::NotAtRest, j) };
-                let end = if row == 0 { "first row".into() } else { format!("last row (row {row})") };
-                let message = format!("joint '{}' {what} at the {end}", joint.name);
+                let end = if row == 0 { "first" } else { "last" };
+                let message = format!(
+                    "joint '{}' {what} in the {end} row (row {row}), where it must be at rest",
+                    joint.name
+                );
                 let (weight, t) = (value.abs(), t[row]);
                 out.push(Spot { owner, cell: row, row, t, value, bound, weight, message: Some(message) });
             };
