@@ -3189,8 +3189,10 @@ class MaxSpeed:
         """The path point at which the limit is reached, from 0."""
     @property
     def proven(self) -> bool:
-        """Whether no other joint motion over the path is faster: with `q` given, and where the branches of a six-joint arm
-        were all compared. `False` where lines from a few starts, or the one from `q0`, were followed.
+        """Whether no other joint motion over the path is faster.
+
+        True with `q` given, and where all branches of a six-joint arm were compared; `False` where lines from a few
+        starts, or the one from `q0`, were followed.
         """
     @property
     def q(self) -> NDArray[np.float64]:
@@ -3820,7 +3822,8 @@ def plan(
         path: Poses or positions to follow, one row of the plan for each.
         freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
             positions).
-        task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+        task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path
+            with orientations and may be given with a freedom, which then says how far the tool may leave that pose.
         scene: Obstacles; contact is forbidden, between the rows too. Moving obstacles are at their positions at the
             times of the path.
         links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
