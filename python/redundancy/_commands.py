@@ -1047,7 +1047,9 @@ def check(
     tool: Annotated[
         str, typer.Option(help="Position x,y,z of the tool in the frame of the last link, m.")
     ] = "0,0,0",
-    velocity_limits: Annotated[str, typer.Option(help="chain, off, or deg/s: one, or comma-separated.")] = "chain",
+    velocity_limits: Annotated[
+        str, typer.Option(help="chain, off, or deg/s: one, or comma-separated.")
+    ] = "chain",
     acceleration_limits: Annotated[
         str, typer.Option(help="chain, off, or deg/s^2: one, or comma-separated.")
     ] = "chain",
