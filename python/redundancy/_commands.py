@@ -1047,12 +1047,14 @@ def check(
     tool: Annotated[
         str, typer.Option(help="Position x,y,z of the tool in the frame of the last link, m.")
     ] = "0,0,0",
-    velocity_limits: Annotated[str, typer.Option(help="chain, off, or comma-separated deg/s.")] = "chain",
-    acceleration_limits: Annotated[
-        str, typer.Option(help="chain, off, or comma-separated deg/s^2.")
+    velocity_limits: Annotated[
+        str, typer.Option(help="chain, off, or deg/s: one, or comma-separated.")
     ] = "chain",
-    jerk_limits: Annotated[str, typer.Option(help="off, or comma-separated deg/s^3.")] = "off",
-    torque_limits: Annotated[str, typer.Option(help="chain, off, or comma-separated N m.")] = "off",
+    acceleration_limits: Annotated[
+        str, typer.Option(help="chain, off, or deg/s^2: one, or comma-separated.")
+    ] = "chain",
+    jerk_limits: Annotated[str, typer.Option(help="off, or deg/s^3: one, or comma-separated.")] = "off",
+    torque_limits: Annotated[str, typer.Option(help="chain, off, or N m: one, or comma-separated.")] = "off",
     rest: Annotated[bool, typer.Option(help="Whether the trajectory must start and end at rest.")] = True,
     tolerance: Annotated[
         float | None, typer.Option(help="Fraction of a limit by which it may be exceeded.")
@@ -1080,7 +1082,7 @@ def check(
     def limits(text: str, option: str, in_degrees: bool = True) -> Any:
         if text in {"chain", "off"}:
             return "chain" if text == "chain" else None
-        values = _plan.vector(text, option, chain.dof)
+        values = _plan.per_joint(text, option, chain.dof)
         return np.deg2rad(values) if in_degrees else values
 
     options: dict[str, Any] = {
@@ -1094,7 +1096,7 @@ def check(
         "links": link_radius,
     }
     if jerk_limits != "off":
-        options["jerk_limits"] = np.deg2rad(_plan.vector(jerk_limits, "--jerk-limits", chain.dof))
+        options["jerk_limits"] = np.deg2rad(_plan.per_joint(jerk_limits, "--jerk-limits", chain.dof))
     if orientation_tolerance is not None:
         angle = None
         if orientation_tolerance != "off":

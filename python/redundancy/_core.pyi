@@ -3188,6 +3188,13 @@ class MaxSpeed:
     def at(self) -> int:
         """The path point at which the limit is reached, from 0."""
     @property
+    def proven(self) -> bool:
+        """Whether no other joint motion over the path is faster.
+
+        True with `q` given, and where all branches of a six-joint arm were compared; `False` where lines from a few
+        starts, or the one from `q0`, were followed.
+        """
+    @property
     def q(self) -> NDArray[np.float64]:
         """Joint positions `(N, n)`, rad."""
     @property
@@ -3203,6 +3210,7 @@ class MaxSpeed:
         torques: list[float],
         point_speeds: list[float],
         joint_name: str,
+        proven: bool,
     ) -> MaxSpeed: ...
 
 @final
@@ -3689,7 +3697,7 @@ class Plan(Trajectory):
             What `rd.retime(chain, plan, **options)` returns.
 
         Raises:
-            ValueError: an unknown arm, and what `rd.retime` raises.
+            ValueError: an unknown arm, a plan with fewer than two rows, and what `rd.retime` raises.
 
         Example:
             >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
@@ -3814,7 +3822,8 @@ def plan(
         path: Poses or positions to follow, one row of the plan for each.
         freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
             positions).
-        task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+        task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path
+            with orientations and may be given with a freedom, which then says how far the tool may leave that pose.
         scene: Obstacles; contact is forbidden, between the rows too. Moving obstacles are at their positions at the
             times of the path.
         links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
@@ -4376,7 +4385,7 @@ class OrientationOptimizer:
             for cones of 90 degrees and more and refuses other problems. `newton` is Riemannian Newton on S^3,
             `gradient` the paper's method, normalised in every iteration.
         tolerance: Estimated remaining angle, rad, at which the iteration stops. None: 1e-13, gradient 1e-10.
-        max_iterations: None: 100, gradient 10 000.
+        max_iterations: None: 200, gradient 10 000.
         step: Step of `gradient` in the paper's quaternion units. None: from the cones' sizes.
         backtracking: Whether `gradient` measures the decrease of every step; False is the paper's fixed step.
 

@@ -179,6 +179,21 @@ def vector(text: str, option: str, count: int) -> NDArray[np.float64]:
     return values
 
 
+def per_joint(text: str, option: str, joints: int) -> NDArray[np.float64]:
+    """One number for each joint, or one for all of them."""
+    if "," not in text and joints > 1:
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise rd.RedundancyError(
+                f"{option} is '{text}', it must be one number for all joints or {joints} comma-separated numbers"
+            )
+        return np.full(joints, value)
+    return vector(text, option, joints)
+
+
 def on_rail(chain: rd.Chain, text: str) -> rd.Chain:
     """The arm on a rail `x,y,z,lower,upper`."""
     values = vector(text, "--rail", 5)

@@ -233,3 +233,100 @@ def test_units_are_asked_about():
         rd.RedundancyError, match=r"180 rad, 28\.6 turns: are the joint positions in degrees\?"
     ):
         rd.follow_optimum(arm, path, [0.0, 30.0, 0.0, -90.0, 0.0, 60.0, 180.0], rd.JointRange(arm))
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda path: rd.plan(CHAIN, path.poses), r"expected a Path, got ndarray: rd\.Path\(poses\)"),
+        (lambda path: rd.plan_swivel(ARM, path.poses), r"expected a Path, got ndarray: rd\.Path\(poses\)"),
+        (lambda path: rd.max_speed(CHAIN, path.poses), "expected a Path, got ndarray"),
+        (
+            lambda path: rd.follow_optimum(CHAIN, path.poses, np.zeros(7), rd.JointRange(CHAIN)),
+            "expected a Path, got ndarray",
+        ),
+        (
+            lambda path: rd.track(
+                CHAIN, rd.ProjectedGradient(CHAIN, None, 0.0), path.poses, np.zeros(7), 0.1, 1.0
+            ),
+            "expected a Path, got ndarray",
+        ),
+        (lambda path: rd.track(CHAIN, 3, path, np.zeros(7), 0.1, 1.0), "expected a resolver, got int"),
+        (lambda path: rd.plan_swivel(CHAIN, path), r"expected an SrsArm, got Chain: rd\.SrsArm\(chain\)"),
+        (lambda path: rd.SwivelFlow(CHAIN, 0.0), "expected an SrsArm, got Chain"),
+        (
+            lambda path: rd.plan_swivel(ARM, path, [rd.Sphere((0, 0, 0), 0.1)]),
+            r"expected a Scene, got list: rd\.Scene",
+        ),
+        (lambda path: rd.IkSolver(CHAIN, criterion=3), "expected a criterion, got int"),
+        (
+            lambda path: rd.check(CHAIN, np.zeros((5, 7))),
+            "expected a Trajectory or the name of a file, got ndarray",
+        ),
+        (lambda path: rd.ProjectedGradient(CHAIN, "joint_range", 0.1), "expected a criterion, got str"),
+    ],
+)
+def test_objects_of_another_kind_are_named(call, text: str):
+    with pytest.raises(TypeError, match=text):
+        call(rd.Path([POSE, POSE], s=[0.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "text"),
+    [
+        ("constant", {"angle": 0.3}, "constant has no option angle: its options are orientation"),
+        ("constant", {"spin": "constant"}, "constant has no option spin"),
+        ("pointing", {"center": (0, 0), "radius": 0.1}, "pointing has no option center"),
+        ("tilt_square", {"angle": 0.1, "center": (0, 0), "radius": 0.2}, "tilt_square has no option radius"),
+        ("barrier_cone", {"gamma": 0.1}, "barrier_cone has no option gamma: its options are beta, alpha"),
+        ("barrier_spin", {"k_x": 0.1}, "barrier_spin has no option k_x"),
+        ("barrier_two_cones", {"angle": 0.1}, "barrier_two_cones has no option angle"),
+    ],
+)
+def test_options_that_a_rule_does_not_have(kind: str, options: dict, text: str):
+    with pytest.raises(rd.RedundancyError, match=text):
+        rd.OrientationRule(kind, **options)
+
+
+def test_rules_with_a_surface_pickle():
+    rules = rd.orientation_rules
+    for rule in (
+        rules.tilt_square(0.2, center=(0, 0), half_extents=(0.1, 0.2)),
+        rules.tilt_disc(0.2, "constant", center=(0, 0), radius=0.2),
+        rules.barrier_two_cones(center=(0, 0), half_extents=(0.1, 0.2)),
+    ):
+        assert pickle.loads(pickle.dumps(rule)) == rule
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-6, 1e-5, 1e-4, 9e-4])
+def test_a_rotation_that_is_nearly_one_becomes_the_nearest(size: float):
+    from scipy.linalg import polar
+
+    rough = np.array(POSE)
+    rough[:3, :3] += size / 3 * np.random.default_rng(2).uniform(-1, 1, (3, 3))
+    exact = polar(rough[:3, :3])[0]
+    kept = CHAIN.with_tool(rough).tool[:3, :3]
+    assert np.abs(kept - exact).max() < max(1e-12, 1.1e-6 * (size <= 1e-6))
+    assert np.abs(ARM.chain.forward(ARM.solve(rough, 0.3, limits=False)[0])[:3, :3] - exact).max() < 2e-6
+    assert np.abs(rd.Path([rough, rough], s=[0, 1]).poses[0][:3, :3] - exact).max() < 2e-6
+
+
+def test_a_rotation_that_is_none_is_refused_with_its_distance():
+    for rotation, distance in ((1.002 * POSE[:3, :3], "0.002"), (0.5 * POSE[:3, :3], "0.5")):
+        rough = np.array(POSE)
+        rough[:3, :3] = rotation
+        text = rf"its distance from the nearest rotation is {re.escape(distance[:-1])}\d*, it must be at most 1e-3"
+        for call in (lambda r=rough: ARM.solve(r, 0.3), lambda r=rough: rd.IkSolver(CHAIN).solve(r)):
+            with pytest.raises(rd.RedundancyError, match=text):
+                call()
+    mirrored = np.array(POSE)
+    mirrored[:3, 0] *= -1.0
+    with pytest.raises(
+        rd.RedundancyError, match=r"reflection .* its determinant is -(1|0\.9+\d*|1\.0+\d*), it must be 1"
+    ):
+        ARM.solve(mirrored, 0.3)
+
+
+def test_a_path_of_one_pose_is_none():
+    with pytest.raises(rd.RedundancyError, match="a path needs at least two samples, got 1"):
+        rd.Path(POSE[None])

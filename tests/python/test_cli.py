@@ -191,6 +191,47 @@ def test_a_desired_swivel_beside_an_obstacle(capsys, tmp_path):
     assert away(way("flow", "--desired-swivel", -120)[0], -120.0) < 20.0
 
 
+def test_a_flow_that_cannot_keep_up_names_the_row(capsys, tmp_path):
+    # 0.02 rad/s up to point 150, then 25 rad/s.
+    angle = np.r_[0.0, np.cumsum(np.where(np.arange(200) < 150, 2e-4, 0.25))]
+    poses = np.repeat(np.eye(4)[None], 201, 0)
+    poses[:, :3, :3] = np.diag([-1.0, 1.0, -1.0])
+    poses[:, :3, 3] = np.c_[0.5 + 0.1 * np.cos(angle), 0.1 * np.sin(angle), np.full(201, 0.4)]
+    rd.Path(poses, t=0.01 * np.arange(201)).to_csv(tmp_path / "path.csv")
+    out = tmp_path / "out"
+    arguments = (
+        "--robot",
+        "iiwa14",
+        "--path",
+        tmp_path / "path.csv",
+        "--out",
+        out,
+        "--plan",
+        "flow",
+        "--no-plots",
+    )
+    status, _, err = run(capsys, "track", *arguments)
+    summary = json.loads((out / "summary.json").read_text())
+    assert status == 1 and summary["status"] == "infeasible", err
+    assert 149 <= summary["first_point"] <= 152 and "speed limit at t = " in summary["reason"], summary
+
+
+def test_one_limit_for_all_joints(capsys, tmp_path):
+    arm = rd.catalog.load("panda")
+    rest = np.array([0.0, 0.3, 0.0, -1.0, 0.2, 1.0, 0.0])
+    move = rd.joint_move(arm, rest, rest + 0.3, jerk_limits=500.0)
+    move.to_json(tmp_path / "move.json")
+    words = ("check", tmp_path / "move.json", "--robot", "panda", "--jerk-limits")
+    degrees = np.rad2deg(510.0)
+    one, each = run(capsys, *words, f"{degrees}"), run(capsys, *words, ",".join([f"{degrees}"] * 7))
+    assert one == each and one[0] == 0, one
+    assert run(capsys, *words, "10")[0] == 1
+    for text in ("many", "nan"):
+        status, _, err = run(capsys, *words, text)
+        assert status == 2 and f"--jerk-limits is '{text}', it must be one number for all joints or 7" in err
+    assert run(capsys, *words, "1,2")[0] == 2
+
+
 @pytest.mark.parametrize(
     "options, message",
     [

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.linalg import null_space
 from scipy.optimize import minimize_scalar
 
@@ -191,3 +192,210 @@ def test_the_gain_of_the_extended_jacobian_draws_to_the_stationary_point():
             assert slope == pytest.approx(-gain * condition(q), abs=1e-4 * (1.0 + abs(condition(q))))
             seen += 1
     assert seen >= 20
+
+
+def test_the_optimal_step_where_there_is_no_best_one_ends_at_its_bound():
+    arm = rd.catalog.load("iiwa14")
+    h = rd.Manipulability(arm, measure="sqrt")
+    rng = np.random.default_rng(11)
+    dt, seen = 0.1, 0
+    for _ in range(60):
+        q = rng.uniform(0.6 * arm.lower, 0.6 * arm.upper)
+        jacobian = arm.jacobian(q)
+        if np.linalg.svd(jacobian, compute_uv=False)[-1] < 0.05:
+            continue
+        v = jacobian @ (0.1 * rng.normal(size=7))
+        least = rd.ProjectedGradient(arm, h, 0.0, damping=None).step(q, v).qd
+        freedom = rd.ProjectedGradient(arm, h, 1.0, damping=None).step(q, np.zeros(6)).qd
+        found = best_share(arm, h, q, least, freedom, dt)
+        if found is None:
+            continue
+        a, size = q + dt * least, np.abs(freedom).max()
+        ends = [h.value(a + e * freedom / size) for e in (-1e-3, 0.0, 1e-3)]
+        slope, bend = ends[2] - ends[0], ends[2] - 2 * ends[1] + ends[0]
+        # It is maximised: with a positive second derivative the local model has no maximum.
+        if slope > 1e-6 and bend > 1e-8:
+            step = rd.ProjectedGradient(arm, h, "optimal", damping=None).step(q, v, dt).qd
+            share = (step - least) @ freedom / (freedom @ freedom)
+            # The step moves q by dt times the joint velocity.
+            assert share * size == pytest.approx(found[1] * size, rel=1e-6)
+            seen += 1
+    assert seen >= 5
+
+
+def test_damping_near_a_singularity_is_that_of_its_formula():
+    arm = rd.catalog.load("iiwa14")
+    rng = np.random.default_rng(12)
+    damping = rd.Damping(0.1, 0.3, 0.25)
+    for _ in range(20):
+        q = rng.uniform(0.6 * arm.lower, 0.6 * arm.upper)
+        q[3] = 0.2 * rng.normal()
+        u, sigma, vt = np.linalg.svd(arm.jacobian(q), full_matrices=False)
+        x = 2 * np.pi * (sigma - 0.25 * 0.3) / (0.75 * 0.3)
+        share = np.where(sigma >= 0.3, 0.0, np.where(x <= 0.0, 1.0, 1.0 - (x - np.sin(x)) / (2 * np.pi)))
+        v = rng.normal(size=6)
+        wanted = vt.T @ (sigma / (sigma**2 + 0.1**2 * share) * (u.T @ v))
+        step = rd.ProjectedGradient(arm, None, 0.0, damping=damping).step(q, v)
+        np.testing.assert_allclose(step.qd, wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_a_rail_goes_to_the_mean_of_target_and_attractions():
+    arm = rd.catalog.load("iiwa14").with_rail((1, 0, 0), -5.0, 5.0)
+    rng = np.random.default_rng(13)
+    for _ in range(10):
+        inside = 0.6 * np.where(np.isfinite(arm.lower), arm.lower, -1.0)
+        q, goal = rng.uniform(inside, -inside, size=(2, 8))
+        place, weight = rng.normal(size=3), 5.0
+        options = {"order": "base_to_tip", "max_iterations": 1, "position_weight": 10.0}
+        solver = rd.IkSolver(arm, "coordinate_descent", attractions=[("link_4", place, weight)], **options)
+        moved = solver.trace(arm.forward(goal), q).q[0] - q[0]
+        away = arm.forward(goal)[0, 3] - arm.forward(q)[0, 3]
+        drawn = place[0] - arm.forward(q, "link_4")[0, 3]
+        assert moved == pytest.approx((10.0 * away + weight * drawn) / (10.0 + weight), abs=1e-9)
+
+
+def differences(function, q, step=1e-5):
+    return np.stack(
+        [(function(q + step * e) - function(q - step * e)) / (2 * step) for e in np.eye(len(q))], axis=-1
+    )
+
+
+def test_the_second_derivatives_of_criteria_are_those_of_their_gradients():
+    rng = np.random.default_rng(14)
+    for name in ("iiwa14", "dexter", "planar4r"):
+        arm = rd.catalog.load(name)
+        criteria = [
+            rd.Elbow(arm, rng.normal(size=3)),
+            rd.Manipulability(arm, task="planar" if name == "planar4r" else "pose"),
+            rd.JointRange(arm) + 2.0 * rd.Posture(arm, 0.1 * rng.normal(size=arm.dof)),
+        ]
+        for h in criteria:
+            q = rng.uniform(-1.0, 1.0, size=arm.dof)
+            np.testing.assert_allclose(differences(h.value, q), h.gradient(q), atol=1e-6)
+            np.testing.assert_allclose(differences(h.gradient, q), h.hessian(q), atol=1e-6)
+
+
+def test_at_the_largest_speed_some_limit_is_reached():
+    arm = rd.catalog.load("puma560")
+    rng = np.random.default_rng(15)
+    directions = set()
+    for _ in range(30):
+        u = np.linspace(0.0, 1.0, 60)
+        bend = rng.uniform(-1.0, 1.0, size=(2, arm.dof))
+        q = np.array([0.0, -0.5, 1.0, 0.2, 0.4, 0.0]) + np.sin(6 * u[:, None] * bend[0]) * bend[1]
+        s = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(arm.forward(q)[:, :3, 3], axis=0), axis=1))]
+        path = rd.Path(arm.forward(q), s=s)
+        # Half of what gravity leaves: it matters in which direction it acts.
+        held = np.abs(arm.inverse_dynamics(q, 0 * q, 0 * q)).max(axis=0)
+        limits = 1.3 * held + 2.0
+        best = rd.max_speed(arm, path, q=q, torque_limits=limits, velocity_limits=None)
+        used = best.torques / limits
+        assert np.abs(used).max() == pytest.approx(1.0, abs=1e-9)
+        assert abs(used[best.at, best.limiting_joint]) == pytest.approx(1.0, abs=1e-9)
+        directions.add(np.sign(used[best.at, best.limiting_joint]))
+        rates = CubicSpline(s, q).derivative()(s)
+        speeds = rng.uniform(0.3, 3.0, size=arm.dof)
+        best = rd.max_speed(arm, path, q=q, torque_limits=None, velocity_limits=speeds)
+        used = np.abs(best.speed * rates / speeds)
+        assert used.max() == pytest.approx(1.0, abs=1e-9)
+        assert used[best.at, best.limiting_joint] == pytest.approx(1.0, abs=1e-9)
+        np.testing.assert_allclose(
+            (best.point_speeds[:, None] * np.abs(rates) / speeds).max(axis=1), 1.0, atol=1e-9
+        )
+    assert directions == {-1.0, 1.0}
+
+
+def test_the_barrier_stops_at_the_safe_distance():
+    arm, pose = srs_pose()
+    start = 0.4
+    elbow = arm.chain.forward(arm.solve(pose, start)[0], "link_4")[:3, 3]
+    side = np.cross([0.0, 0.0, 1.0], elbow)
+    side /= np.linalg.norm(side)
+    scene = rd.Scene([rd.Sphere(elbow + 0.25 * side, 0.08)])
+
+    def distance(s):
+        return scene.clearance(arm.chain, arm.solve(pose, s)[0], link_radius=0.05).distance
+
+    towards = 1.0 if distance(start + 0.1) < distance(start - 0.1) else -1.0
+    flow = rd.SwivelFlow(
+        arm, start + 1.2 * towards, scene, weights=(1, 0, 0, 0), safe_distance=0.03, link_radius=0.05
+    )
+    s, before = start, distance(start)
+    for _ in range(800):
+        s = flow.step(pose, s, DT)
+        # By the distance that is left above the safe one, 5 times a second; to second order in the step.
+        assert distance(s) - before >= -5.0 * (before - 0.03) * DT - 1e-4
+        before = distance(s)
+    assert distance(s) == pytest.approx(0.03, abs=1e-3)
+
+
+def test_at_its_limits_the_saturated_scheme_stays_nearest_to_the_wish():
+    arm = rd.catalog.load("iiwa14")
+    rng = np.random.default_rng(16)
+    held = 0
+    for _ in range(60):
+        q = rng.uniform(0.7 * arm.lower, 0.7 * arm.upper)
+        jacobian = arm.jacobian(q)
+        if np.linalg.svd(jacobian, compute_uv=False)[-1] < 0.1:
+            continue
+        n = null_space(jacobian)[:, 0]
+        v = jacobian @ (0.1 * rng.normal(size=7))
+        h, gain = rd.Posture(arm, rng.uniform(-1, 1, size=7)), rng.choice([0.5, 20.0])
+        least = np.linalg.pinv(jacobian) @ v
+        bound = arm.velocity_limit
+        ends = np.sort([(-bound - least) / n, (bound - least) / n], axis=0)
+        moves = np.abs(n) > 1e-9
+        low, high = ends[0][moves].max(), ends[1][moves].min()
+        wish = -gain * (n @ h.gradient(q))
+        step = rd.SaturatedNullspace(arm, h, gain).step(q, v, 1e-6)
+        assert step.scale == 1.0
+        assert n @ (step.qd - least) == pytest.approx(np.clip(wish, low, high), abs=1e-8)
+        held += not low < wish < high
+    assert held >= 10
+
+
+def test_small_angles_keep_their_digits():
+    arm = rd.catalog.load("iiwa14")
+    solver, q = rd.IkSolver(arm, "newton", max_iterations=1), np.full(7, 0.3)
+    for angle in (1e-6, 1e-4, 3e-4, 4.9e-4, 5.1e-4, 1e-3, 0.1, 3.1):
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        measured = solver.trace(arm.forward(q) @ turn, q).orientation_error[0]
+        assert measured == pytest.approx(angle, rel=1e-9, abs=1e-14)
+
+
+def test_without_a_wish_the_middle_of_the_longest_arc_is_taken():
+    arm = rd.catalog.load("iiwa14")
+    # A narrow range of joint 3 leaves short arcs that a few swivels miss.
+    lower, upper = arm.lower.copy(), arm.upper.copy()
+    lower[2], upper[2] = 0.3, 0.42
+    narrow = rd.SrsArm(arm.with_limits(lower=lower, upper=upper))
+    solver, rng = rd.IkSolver(narrow.chain), np.random.default_rng(17)
+    middles = 0
+    for _ in range(200):
+        found = solver.solve(narrow.chain.forward(rng.uniform(lower, upper)))
+        assert found.status == "converged"
+        motion = narrow.self_motion(narrow.chain.forward(found.q))
+        arcs = [(hi - lo, 0.5 * (lo + hi)) for b in motion.branches for lo, hi in b.intervals()]
+        swivel = narrow.swivel(found.q)
+        hit = [length for length, middle in arcs if abs(np.angle(np.exp(1j * (swivel - middle)))) < 1e-6]
+        if hit:
+            middles += 1
+            assert max(hit) >= max(length for length, _ in arcs) - 1e-6
+    assert middles >= 10
+
+
+def test_the_cost_of_a_plan_is_that_of_its_formula():
+    arm = rd.SrsArm(rd.catalog.load("iiwa14"))
+    tool = np.diag([-1.0, 1.0, -1.0])
+    poses = rd.paths.circle((0.5, -0.1, 0.4), 0.1, turns=0.6, orientation=tool, n=40).poses
+    t = np.cumsum(np.r_[0.0, np.random.default_rng(18).uniform(0.2, 2.0, size=39)])
+    plan = rd.plan_swivel(arm, rd.Path(poses, t=t), limit_weight=2.0, motion_weight=0.3)
+    assert plan.status == "converged"
+    parts = np.diff(t) / (t[-1] - t[0])
+    shares = 0.5 * (np.r_[parts, 0.0] + np.r_[0.0, parts])
+    lower, upper = arm.chain.lower, arm.chain.upper
+    x = (plan.q - 0.5 * (lower + upper)) / (0.5 * (upper - lower))
+    limits = 2.0 * ((x**2 / (1 - x**2)) ** 2).sum(axis=1)
+    motion = 0.3 * (np.diff(plan.q, axis=0) ** 2).sum(axis=1) / parts
+    assert plan.cost == pytest.approx(shares @ limits + motion.sum(), rel=1e-9)

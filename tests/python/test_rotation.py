@@ -631,3 +631,60 @@ def test_inverse_kinematics_takes_a_union():
     assert result.status == "converged"
     reached = arm.forward(result.q)
     assert wanted.contains(rd.quaternion.from_matrix(reached[:3, :3]), 1e-5)
+
+
+# Problems on which a line search alone stops at 100 iterations.
+BENT = [925, 1631, 2209, 2653, 3054, 3193, 3200, 4162, 4905, 8685, 8753, 11382, 13256, 15268, 16944, 19398]
+
+
+def spins_and_cones(seed: int):
+    """A random orientation inside of two or three random sets, the first of them a spin; weights over two decades."""
+    rng = np.random.default_rng(seed)
+
+    def unit(v):
+        return v / np.linalg.norm(v)
+
+    inside, parts = unit(rng.normal(size=4)), []
+    for k in range(rng.integers(2, 4)):
+        weight, axis = 10.0 ** rng.uniform(-1, 1), unit(rng.normal(size=3))
+        across = unit(np.cross(axis, rng.normal(size=3)))
+        if k > 0 and rng.random() < 0.5:
+            half = rng.uniform(0.1, 1.5)
+            lean = quaternion.from_axis_angle(across, half * rng.uniform(0, 0.95))
+            direction = quaternion.rotate(inside, quaternion.rotate(lean, axis))
+            parts.append((weight, rd.Cone(axis, direction, half)))
+        else:
+            most = rng.uniform(0.1, 2.5)
+            swing = quaternion.from_axis_angle(across, rng.uniform(0, 1.5))
+            twist = quaternion.from_axis_angle(axis, most * rng.uniform(-0.95, 0.95))
+            back = quaternion.conjugate(quaternion.product(swing, twist))
+            parts.append((weight, rd.Spin(quaternion.product(inside, back), most, axis=axis)))
+    return inside, parts
+
+
+def test_newton_arrives_on_spins_about_any_axes():
+    seeds = range(20_000) if FULL else [*range(300), *BENT]
+    iterations, singular = [], 0
+    for seed in seeds:
+        inside, parts = spins_and_cones(seed)
+        found = rd.OrientationOptimizer(parts, method="newton").solve(inside)
+        iterations.append(found.iterations)
+        if found.status == "singular":
+            # The minimum is where a spin is undefined: half a turn from its reference.
+            singular += 1
+            spins = [part for _, part in parts if isinstance(part, rd.Spin)]
+            parts_of = [quaternion.product(quaternion.conjugate(s.reference), found.q) for s in spins]
+            assert min(abs(r[0]) for r in parts_of) < 1e-6, seed
+            continue
+        assert found.status == "converged", (seed, found)
+        # A minimum: no step of 1e-4 rad in any direction betters it beyond rounding.
+        if seed % 10 == 0 or seed in BENT:
+            for axis in np.vstack([np.eye(3), -np.eye(3)]):
+                other = quaternion.product(found.q, quaternion.from_axis_angle(axis, 1e-4))
+                margins = [part.margin(other) for _, part in parts]
+                if min(margins) > 0.0:
+                    value = -sum(w * np.log(m) for (w, _), m in zip(parts, margins, strict=True))
+                    assert value >= found.value - 1e-9 * (1.0 + abs(found.value)), seed
+    assert singular <= 0.001 * len(iterations) + 1
+    usual = iterations if FULL else iterations[:300]
+    assert np.median(usual) <= 6 and np.percentile(usual, 99) <= 20 and max(iterations) <= 200

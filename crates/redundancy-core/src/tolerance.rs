@@ -385,6 +385,9 @@ pub const NEWTON_DECREMENT: f64 = 0.25;
 /// to the boundary of one set it is 1 or more and the step ends half-way to where it should.
 pub const STEP_DOUBLING: f64 = 0.7;
 
+/// Share of the value and the weights of a barrier problem below which a decrease is rounding.
+pub const VALLEY_ROUNDING: f64 = 1e-14;
+
 /// Margin on a cone's axis (0.1 degrees of half-angle), and share of a perpendicular part, above which differences of
 /// numbers near 1 keep ten digits and are taken as they are.
 pub const PLAIN_MARGIN: f64 = 1e-6;
@@ -565,8 +568,14 @@ pub const MANIPULABILITY_PIVOT: f64 = 1e-13;
 pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
 
 /// Multiple of the fastest joint of the least motion that the task asks for up to which the extended Jacobian uses the
-/// freedom, where that is above the joints' speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
+/// freedom on joints without speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
 pub const FREEDOM_SPEED_RATIO: f64 = 1.5;
+
+/// The same for joints with a speed limit: more is fast near singularities, less keeps the arm from leaving them.
+pub const LIMITED_SPEED_RATIO: f64 = 1.25;
+
+/// Length (rad or m) of the step along the freedom over which the change of the least singular value is seen.
+pub const SINGULARITY_STEP: f64 = 1e-4;
 
 /// Newton step (rad, or metres of path in its units) at which a point of the extended system is exact: what is left is
 /// its square.

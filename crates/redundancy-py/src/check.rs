@@ -2,6 +2,7 @@
 
 use std::path::{Path as FilePath, PathBuf};
 
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use redundancy_core::Error;
@@ -12,7 +13,7 @@ use redundancy_core::timing::{
 };
 
 use crate::batch::pool;
-use crate::convert::{Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector};
+use crate::convert::{Given, Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector};
 use crate::error::to_py;
 use crate::links::LinkRadius;
 use crate::path::{PyPath, PyTrajectory};
@@ -189,10 +190,25 @@ impl PyCheckReport {
 }
 
 /// What `check` takes for a trajectory.
-#[derive(FromPyObject)]
 pub enum AnyRows<'py> {
     Trajectory(Bound<'py, PyTrajectory>),
     File(PathBuf),
+}
+
+impl<'py> FromPyObject<'_, 'py> for AnyRows<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(given) = object.cast::<PyTrajectory>() {
+            return Ok(Self::Trajectory(given.to_owned()));
+        }
+        object.extract().map(Self::File).map_err(|_| {
+            let given = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+            PyTypeError::new_err(format!(
+                "expected a Trajectory or the name of a file, got {given}: rd.Trajectory(joint_names, t, q) makes one"
+            ))
+        })
+    }
 }
 
 impl AnyRows<'_> {
@@ -320,8 +336,8 @@ pub fn py_check<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,
     trajectory: AnyRows<'py>,
-    path: Option<&Bound<'py, PyPath>>,
-    scene: Option<&Bound<'py, PyScene>>,
+    path: Option<Given<'py, PyPath>>,
+    scene: Option<Given<'py, PyScene>>,
     links: Option<LinkRadius<'py>>,
     velocity_limits: Option<JointLimits<'py>>,
     acceleration_limits: Option<JointLimits<'py>>,
@@ -365,8 +381,8 @@ pub fn py_check<'py>(
     };
     let links = links.map(|links| links.geometry(chain)).transpose()?;
     let against = CheckAgainst {
-        path: path.map(|path| &path.get().path),
-        scene: scene.map(|scene| &scene.get().scene),
+        path: path.as_ref().map(|path| &path.get().path),
+        scene: scene.as_ref().map(|scene| &scene.get().scene),
         links: links.as_ref(),
     };
     let pool = pool(threads)?;
@@ -425,7 +441,7 @@ pub fn py_joint_move<'py>(
     chain: &Bound<'py, PyAny>,
     q_from: &Bound<'py, PyAny>,
     q_to: &Bound<'py, PyAny>,
-    scene: Option<&Bound<'py, PyScene>>,
+    scene: Option<Given<'py, PyScene>>,
     links: Option<LinkRadius<'py>>,
     velocity_limits: Option<JointLimits<'py>>,
     acceleration_limits: Option<JointLimits<'py>>,
@@ -449,7 +465,7 @@ pub fn py_joint_move<'py>(
         ..RetimeSettings::of(chain)
     };
     let links = links.map(|links| links.geometry(chain)).transpose()?;
-    let scene = scene.map(|scene| &scene.get().scene);
+    let scene = scene.as_ref().map(|scene| &scene.get().scene);
     let against = CheckAgainst { path: None, scene, links: links.as_ref() };
     let made = py.detach(|| joint_move(chain, [&from, &to], &settings, against, clearance));
     made.map(PyTrajectory::from).map_err(to_py)

@@ -3,10 +3,14 @@
 //! Small inputs are copied, batches are borrowed. A pose is an array or any object with `homogeneous`
 //! (pinocchio), `as_matrix()` (scipy, mink, viser) or `A` (spatialmath); none of those packages is imported.
 
+use std::convert::Infallible;
+use std::ops::Deref;
+
 use numpy::ndarray::{Dim, Dimension, IntoDimension};
 use numpy::{
     Element, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
+use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -226,6 +230,49 @@ fn refuse_other_kinds(array: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
         _ => "other objects",
     };
     Err(to_py(Error::Invalid(format!("{what} is an array of {holds} (dtype {dtype}), numbers are needed"))))
+}
+
+/// A class of this package that functions take: what to call it, and how one is made.
+pub trait Argument: PyTypeInfo {
+    /// With its article.
+    const WHAT: &'static str;
+    /// What makes one.
+    const HOW: &'static str;
+}
+
+/// An argument that must be an object of a class of this package. For anything else the message says what is expected and how
+/// to make one.
+pub struct Given<'py, T>(Bound<'py, T>);
+
+impl<'py, T> Deref for Given<'py, T> {
+    type Target = Bound<'py, T>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl<'py, T> IntoPyObject<'py> for Given<'py, T> {
+    type Target = T;
+    type Output = Bound<'py, T>;
+    type Error = Infallible;
+
+    fn into_pyobject(self, _: Python<'py>) -> Result<Self::Output, Self::Error> {
+        Ok(self.0)
+    }
+}
+
+impl<'py, T: Argument> FromPyObject<'_, 'py> for Given<'py, T> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(given) = object.cast::<T>() {
+            return Ok(Self(given.to_owned()));
+        }
+        let given = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+        let (what, how) = (T::WHAT, T::HOW);
+        Err(PyTypeError::new_err(format!("expected {what}, got {given}: {how}")))
+    }
 }
 
 /// An integer of any size from Python. Unsigned arguments are read as this, so that a negative or huge one is refused with

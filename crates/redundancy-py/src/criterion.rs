@@ -13,7 +13,7 @@ use redundancy_core::nalgebra::DMatrix;
 use redundancy_core::scene::Surroundings;
 
 use crate::chain::PyChain;
-use crate::convert::{read_array, read_rows, read_vector, to_array};
+use crate::convert::{Argument, Given, read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::links::{LinkRadius, PyLinkGeometry, geometry_of};
 use crate::scene::{LINK_RADIUS, PyScene};
@@ -52,6 +52,11 @@ impl PyCriterion {
         }
         Ok((out, rows.batch))
     }
+}
+
+impl Argument for PyCriterion {
+    const WHAT: &'static str = "a criterion";
+    const HOW: &'static str = "for example rd.JointRange(chain), or sums and multiples of criteria";
 }
 
 #[pymethods]
@@ -274,7 +279,7 @@ impl PyClearanceCriterion {
     )]
     fn new(
         chain: &Bound<'_, PyChain>,
-        scene: &Bound<'_, PyScene>,
+        scene: Given<'_, PyScene>,
         link_radius: Option<&Bound<'_, PyAny>>,
         links: Option<&Bound<'_, PyAny>>,
         self_collision: bool,

@@ -17,7 +17,7 @@ use redundancy_core::{Error, Status};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Fresh, read_array, read_pose, read_rows, read_vector};
+use crate::convert::{Fresh, Given, read_array, read_pose, read_rows, read_vector};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::orientation_set::read_orientation_set;
@@ -98,7 +98,7 @@ impl PyIkSolver {
         tol_orientation: f64,
         max_iterations: Option<usize>,
         restarts: Option<usize>,
-        criterion: Option<&Bound<'_, PyCriterion>>,
+        criterion: Option<Given<'_, PyCriterion>>,
         orientation_set: Option<&Bound<'_, PyAny>>,
         closed_form: bool,
         time_limit: Option<f64>,
@@ -133,7 +133,7 @@ impl PyIkSolver {
             max_iterations: max_iterations.unwrap_or(defaults.max_iterations),
             restarts: restarts.unwrap_or(defaults.restarts),
             time_limit,
-            criterion: criterion.map(|c| Arc::clone(&c.get().criterion)),
+            criterion: criterion.as_ref().map(|c| Arc::clone(&c.get().criterion)),
             orientation_set: orientation_set.map(read_set).transpose()?,
             closed_form,
             descent,

@@ -16,7 +16,7 @@ use redundancy_core::{Pose, Status};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{read_rows, read_vector, to_array};
+use crate::convert::{Given, read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::path::PyPath;
@@ -142,7 +142,7 @@ pub fn py_classify<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
     q: &Bound<'py, PyAny>,
-    criterion: &Bound<'py, PyCriterion>,
+    criterion: Given<'py, PyCriterion>,
     task: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let chain = &chain.get().chain;
@@ -279,7 +279,7 @@ pub fn py_constrained_optima(
     py: Python<'_>,
     chain: &Bound<'_, PyChain>,
     pose: &Bound<'_, PyAny>,
-    criterion: &Bound<'_, PyCriterion>,
+    criterion: Given<'_, PyCriterion>,
     task: Option<&Bound<'_, PyAny>>,
     seed: u64,
     starts: Option<usize>,
@@ -360,7 +360,7 @@ impl PyCofactorCondition {
 pub fn py_cofactor_condition(
     chain: &Bound<'_, PyChain>,
     q: &Bound<'_, PyAny>,
-    criterion: &Bound<'_, PyCriterion>,
+    criterion: Given<'_, PyCriterion>,
     task: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<PyCofactorCondition> {
     let chain = &chain.get().chain;
@@ -503,9 +503,9 @@ fn follow_settings(step: Option<f64>) -> FollowSettings {
 pub fn py_follow_optimum<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
-    path: &Bound<'py, PyPath>,
+    path: Given<'py, PyPath>,
     q0: &Bound<'py, PyAny>,
-    criterion: &Bound<'py, PyCriterion>,
+    criterion: Given<'py, PyCriterion>,
     task: Option<&Bound<'py, PyAny>>,
     step: Option<f64>,
 ) -> PyResult<Bound<'py, PyFollowedOptimum>> {
@@ -637,8 +637,8 @@ impl PyRankedStart {
 pub fn py_rank_starts<'py>(
     py: Python<'py>,
     chain: &Bound<'_, PyChain>,
-    path: &Bound<'_, PyPath>,
-    criterion: &Bound<'_, PyCriterion>,
+    path: Given<'_, PyPath>,
+    criterion: Given<'_, PyCriterion>,
     task: Option<&Bound<'_, PyAny>>,
     seed: u64,
     starts: Option<usize>,
@@ -798,7 +798,7 @@ fn run_search(py: Python<'_>, search: &mut SingularitySearch<'_>, threads: Optio
 pub fn py_algorithmic_singularities(
     py: Python<'_>,
     chain: &Bound<'_, PyChain>,
-    criterion: &Bound<'_, PyCriterion>,
+    criterion: Given<'_, PyCriterion>,
     task: Option<&Bound<'_, PyAny>>,
     seed: u64,
     starts: Option<usize>,
@@ -900,7 +900,7 @@ impl PySingularityCurve {
 pub fn py_singularity_curves(
     py: Python<'_>,
     chain: &Bound<'_, PyChain>,
-    criterion: &Bound<'_, PyCriterion>,
+    criterion: Given<'_, PyCriterion>,
     task: Option<&Bound<'_, PyAny>>,
     step: f64,
     seed: u64,

@@ -8,7 +8,7 @@ use redundancy_core::planning::{
 use redundancy_core::{Error, Watch};
 
 use crate::chain::PyChain;
-use crate::convert::{Gravity, STANDARD_GRAVITY, read_rotation, to_array};
+use crate::convert::{Given, Gravity, STANDARD_GRAVITY, read_rotation, to_array};
 use crate::error::to_py;
 use crate::path::PyPath;
 use crate::plan::{PyPlan, plan_initializer, plan_of};
@@ -188,7 +188,7 @@ pub enum SpinArgument {
 pub fn py_plan_orientation<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
-    path: &Bound<'py, PyPath>,
+    path: Given<'py, PyPath>,
     half_angle: f64,
     spin: SpinArgument,
     tool: Option<&Bound<'py, PyAny>>,

@@ -13,7 +13,9 @@ use redundancy_core::path::{
 use redundancy_core::rotation::from_rounded_wxyz;
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major, rotation_from_matrix};
 
-use crate::convert::{Fresh, Integer, read_array, read_numbers, read_pose, read_rows, read_vector, to_array};
+use crate::convert::{
+    Argument, Fresh, Integer, read_array, read_numbers, read_pose, read_rows, read_vector, to_array,
+};
 use crate::error::to_py;
 use crate::html;
 use crate::status::event_kind_to_py;
@@ -55,6 +57,12 @@ impl From<Path> for PyPath {
     fn from(path: Path) -> Self {
         Self { path }
     }
+}
+
+impl Argument for PyPath {
+    const WHAT: &'static str = "a Path";
+    const HOW: &'static str =
+        "rd.Path(poses) makes one of poses (N, 4, 4) or positions (N, 3), rd.Path.from_csv(file) reads one";
 }
 
 #[pymethods]

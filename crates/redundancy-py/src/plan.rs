@@ -12,7 +12,7 @@ use redundancy_core::planning::{Objective, PlanSettings, plan};
 use redundancy_core::{Error, Status, Watch, pose_from_row_major, pose_to_row_major};
 
 use crate::chain::PyChain;
-use crate::convert::{read_array, read_rows, read_seed, read_vector, to_array};
+use crate::convert::{Given, read_array, read_rows, read_seed, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::html;
@@ -133,7 +133,7 @@ impl PyPlan {
     ///     What `rd.retime(chain, plan, **options)` returns.
     ///
     /// Raises:
-    ///     ValueError: an unknown arm, and what `rd.retime` raises.
+    ///     ValueError: an unknown arm, a plan with fewer than two rows, and what `rd.retime` raises.
     ///
     /// Example:
     ///     >>> move = plan.retime(jerk_limits=500.0)  # doctest: +SKIP
@@ -518,7 +518,8 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///     path: Poses or positions to follow, one row of the plan for each.
 ///     freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
 ///         positions).
-///     task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+///     task: Which coordinates count, by name or as a `Task`, instead of a freedom. `"pose"` is the default on a path
+///         with orientations and may be given with a freedom, which then says how far the tool may leave that pose.
 ///     scene: Obstacles; contact is forbidden, between the rows too. Moving obstacles are at their positions at the
 ///         times of the path.
 ///     links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
@@ -570,10 +571,10 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 pub fn py_plan<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyAny>,
-    path: &Bound<'py, PyPath>,
+    path: Given<'py, PyPath>,
     freedom: Option<&Bound<'py, PyToolFreedom>>,
     task: Option<&Bound<'py, PyAny>>,
-    scene: Option<&Bound<'py, PyScene>>,
+    scene: Option<Given<'py, PyScene>>,
     links: Option<&Bound<'py, PyLinkGeometry>>,
     self_collision: Option<SelfCollision>,
     cyclic: bool,
@@ -585,7 +586,7 @@ pub fn py_plan<'py>(
     clearance_weight: Option<f64>,
     wanted_clearance: Option<f64>,
     link_radius: Option<f64>,
-    criterion: Option<&Bound<'py, PyCriterion>>,
+    criterion: Option<Given<'py, PyCriterion>>,
     criterion_weight: f64,
     joint_weights: Option<&Bound<'py, PyAny>>,
     tool_speed: Option<f64>,

@@ -10,7 +10,7 @@ use redundancy_core::planning::{
 use redundancy_core::scene::Scene;
 use redundancy_core::{Error, Watch};
 
-use crate::convert::{Integer, read_pose, read_vector, to_array};
+use crate::convert::{Given, Integer, read_pose, read_vector, to_array};
 use crate::error::to_py;
 use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
 use crate::path::PyPath;
@@ -108,9 +108,9 @@ fn swivel_plan(py: Python<'_>, plan: Plan) -> PyResult<Bound<'_, PySwivelPlan>> 
         acceleration_weight=None, links=None, self_collision='auto', progress=None, time_limit=None)")]
 pub fn py_plan_swivel<'py>(
     py: Python<'py>,
-    arm: &Bound<'py, PySrsArm>,
-    path: &Bound<'py, PyPath>,
-    scene: Option<&Bound<'py, PyScene>>,
+    arm: Given<'py, PySrsArm>,
+    path: Given<'py, PyPath>,
+    scene: Option<Given<'py, PyScene>>,
     cyclic: bool,
     desired: Option<&Bound<'py, PyAny>>,
     wanted_clearance: Option<f64>,
@@ -246,9 +246,9 @@ impl PySwivelFlow {
             lambda_=None, gain=None, epsilon=None, weights=None, max_rate=None, safe_distance=None, \
             active_distance=None, barrier_rate=None, links=None, self_collision='auto')")]
     fn new(
-        arm: &Bound<'_, PySrsArm>,
+        arm: Given<'_, PySrsArm>,
         desired: &Bound<'_, PyAny>,
-        scene: Option<&Bound<'_, PyScene>>,
+        scene: Option<Given<'_, PyScene>>,
         form: &str,
         link_radius: Option<f64>,
         branch: Option<&Bound<'_, PyAny>>,
@@ -368,7 +368,7 @@ impl PySwivelFlow {
     fn follow<'py>(
         &self,
         py: Python<'py>,
-        path: &Bound<'py, PyPath>,
+        path: Given<'py, PyPath>,
         s0: f64,
         dt: f64,
         progress: Option<Py<PyAny>>,

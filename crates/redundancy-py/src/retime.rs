@@ -1,12 +1,14 @@
 //! `retime`: times for a joint path.
 
 use pyo3::prelude::*;
+use redundancy_core::path::Plan;
 use redundancy_core::timing::{RetimeSettings, Retimed, retime};
+use redundancy_core::{Error, Status};
 
 use crate::convert::{Gravity, STANDARD_GRAVITY, read_rows};
 use crate::error::to_py;
 use crate::path::PyTrajectory;
-use crate::plan::read_chain;
+use crate::plan::{PyPlan, read_chain};
 use crate::speed::{JointLimits, read_limits};
 
 /// A joint path with its times: what `retime` returns, the trajectory with what was done to it.
@@ -148,6 +150,9 @@ pub fn py_retime<'py>(
     let chain = read_chain(chain)?;
     let chain = &chain.get().chain;
     let (joints, n) = (chain.joints(), chain.dof());
+    if let Ok(plan) = trajectory.cast::<PyPlan>() {
+        check_rows(&plan.get().plan)?;
+    }
     let q = match trajectory.cast::<PyTrajectory>() {
         Ok(given) => given.get().trajectory.q().to_vec(),
         Err(_) => read_rows(trajectory, "trajectory", &[n])?.as_slice()?.to_vec(),
@@ -181,4 +186,22 @@ pub fn py_retime<'py>(
         stretched: retimed.stretched,
     };
     Bound::new(py, PyClassInitializer::from(PyTrajectory::from(retimed.trajectory)).add_subclass(own))
+}
+
+/// A plan needs two rows to be timed; where it has fewer, the message says why.
+fn check_rows(plan: &Plan) -> PyResult<()> {
+    let (rows, status) = (plan.rows(), plan.status());
+    if rows > 1 {
+        return Ok(());
+    }
+    let count = match rows {
+        0 => "no rows".into(),
+        _ => format!("only {rows} row"),
+    };
+    let why = match (status, plan.reason()) {
+        (Status::Converged, _) => String::new(),
+        (status, "") => format!(": its status is {status}"),
+        (status, reason) => format!(": its status is {status}, {reason}"),
+    };
+    Err(to_py(Error::Invalid(format!("the plan has {count} to time{why}"))))
 }

@@ -830,7 +830,7 @@ type OptimizerArguments<'py> = (Bound<'py, PyList>, &'static str);
 ///         for cones of 90 degrees and more and refuses other problems. `newton` is Riemannian Newton on S^3,
 ///         `gradient` the paper's method, normalised in every iteration.
 ///     tolerance: Estimated remaining angle, rad, at which the iteration stops. None: 1e-13, gradient 1e-10.
-///     max_iterations: None: 100, gradient 10 000.
+///     max_iterations: None: 200, gradient 10 000.
 ///     step: Step of `gradient` in the paper's quaternion units. None: from the cones' sizes.
 ///     backtracking: Whether `gradient` measures the decrease of every step; False is the paper's fixed step.
 ///

@@ -10,7 +10,7 @@ use redundancy_core::scene::{ByLink, NearestPair, Scene, Surroundings};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Threads, read_rows, to_array};
+use crate::convert::{Argument, Threads, read_rows, to_array};
 use crate::error::to_py;
 use crate::links::LinkRadius;
 use crate::obstacle::{AnyObstacle, list, to_object};
@@ -38,6 +38,12 @@ const BLOCK: usize = 8_192;
 #[derive(PartialEq)]
 pub struct PyScene {
     pub scene: Scene,
+}
+
+impl Argument for PyScene {
+    const WHAT: &'static str = "a Scene";
+    const HOW: &'static str =
+        "rd.Scene([rd.Sphere(center, radius)]) makes one of obstacles, rd.Scene.from_json(file) reads one";
 }
 
 #[pymethods]

@@ -13,7 +13,8 @@ use redundancy_core::{Error, Pose};
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
 use crate::convert::{
-    Fresh, Threads, pose_to_array, read_array, read_pose, read_poses, read_rows, read_vector, to_array,
+    Argument, Fresh, Given, Threads, pose_to_array, read_array, read_pose, read_poses, read_rows,
+    read_vector, to_array,
 };
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
@@ -66,6 +67,11 @@ impl PartialEq for PySrsArm {
     fn eq(&self, other: &Self) -> bool {
         self.arm == other.arm
     }
+}
+
+impl Argument for PySrsArm {
+    const WHAT: &'static str = "an SrsArm";
+    const HOW: &'static str = "rd.SrsArm(chain) makes one of a chain";
 }
 
 #[pymethods]
@@ -250,7 +256,7 @@ impl PySrsArm {
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
-        criterion: &Bound<'py, PyCriterion>,
+        criterion: Given<'py, PyCriterion>,
         threads: Option<Threads>,
     ) -> PyResult<PyChoiceBatch> {
         let poses = Batch::read(poses)?;
@@ -757,7 +763,7 @@ impl PySelfMotion {
     ///
     /// Args:
     ///     criterion: A criterion of the same arm.
-    fn best(&self, criterion: &Bound<'_, PyCriterion>) -> PyResult<PyChoice> {
+    fn best(&self, criterion: Given<'_, PyCriterion>) -> PyResult<PyChoice> {
         let choice = self.motion.best(&*criterion.get().criterion).map_err(to_py)?;
         Ok(PyChoice { choice, motion: self.motion.clone() })
     }

@@ -11,7 +11,7 @@ use redundancy_core::{Error, Pose};
 
 use crate::chain::PyChain;
 use crate::closed_form::read_arm;
-use crate::convert::{Integer, pose_to_array, read_rows, read_vector, to_array};
+use crate::convert::{Given, Integer, pose_to_array, read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::status::status_to_py;
@@ -88,7 +88,7 @@ impl PySolutions {
     ///
     /// Args:
     ///     criterion: A criterion of the same arm.
-    fn best(&self, py: Python<'_>, criterion: &Bound<'_, PyCriterion>) -> PyResult<PySolution> {
+    fn best(&self, py: Python<'_>, criterion: Given<'_, PyCriterion>) -> PyResult<PySolution> {
         let criterion = Arc::clone(&criterion.get().criterion);
         let solution = py.detach(|| self.inner.set.best(&*criterion)).map_err(to_py)?;
         Ok(PySolution { solution, inner: self.inner.clone() })

@@ -13,7 +13,9 @@ use redundancy_core::timing::{
 use redundancy_core::{Error, Pose};
 
 use crate::chain::PyChain;
-use crate::convert::{Gravity, STANDARD_GRAVITY, read_pose, read_rotation, read_rows, read_vector, to_array};
+use crate::convert::{
+    Given, Gravity, STANDARD_GRAVITY, read_pose, read_rotation, read_rows, read_vector, to_array,
+};
 use crate::error::to_py;
 use crate::path::PyPath;
 
@@ -33,12 +35,14 @@ const KINDS: [&str; 7] =
 #[pymethods]
 impl PyOrientationRule {
     #[new]
-    #[pyo3(signature = (kind, *, angle=None, spin="pointing", beta=None, alpha=None, k_err=None, k_tcp=None,
-        distance=None, gamma=None, k_x=None, orientation=None, center=None, half_extents=None, radius=None))]
+    #[pyo3(signature = (kind, *, angle=None, spin=None, beta=None, alpha=None, k_err=None, k_tcp=None,
+        distance=None, gamma=None, k_x=None, orientation=None, center=None, half_extents=None, radius=None),
+        text_signature = "(kind, *, angle=None, spin='pointing', beta=None, alpha=None, k_err=None, k_tcp=None, \
+            distance=None, gamma=None, k_x=None, orientation=None, center=None, half_extents=None, radius=None)")]
     fn new(
         kind: &str,
         angle: Option<f64>,
-        spin: &str,
+        spin: Option<&str>,
         beta: Option<f64>,
         alpha: Option<f64>,
         k_err: Option<f64>,
@@ -55,11 +59,31 @@ impl PyOrientationRule {
             let valid = valid.iter().map(|v| (*v).into()).collect();
             to_py(Error::UnknownName { kind, name: name.into(), valid })
         };
-        let spin = match spin {
+        let turning = match spin.unwrap_or("pointing") {
             "pointing" => RuleSpin::Pointing,
             "constant" => RuleSpin::Constant,
             other => return Err(unknown("spin", other, &["pointing", "constant"])),
         };
+        let given = [
+            ("angle", angle.is_some()),
+            ("spin", spin.is_some()),
+            ("beta", beta.is_some()),
+            ("alpha", alpha.is_some()),
+            ("k_err", k_err.is_some()),
+            ("k_tcp", k_tcp.is_some()),
+            ("distance", distance.is_some()),
+            ("gamma", gamma.is_some()),
+            ("k_x", k_x.is_some()),
+            ("center", center.is_some()),
+            ("half_extents", half_extents.is_some()),
+            ("radius", radius.is_some()),
+        ];
+        let options = options_of(kind).ok_or_else(|| unknown("orientation rule", kind, &KINDS))?;
+        if let Some((name, _)) = given.iter().find(|(name, given)| *given && !options.contains(name)) {
+            let has = if options.is_empty() { String::new() } else { format!("{}, ", options.join(", ")) };
+            let message = format!("{kind} has no option {name}: its options are {has}orientation");
+            return Err(to_py(Error::Invalid(message)));
+        }
         let angle = || angle.ok_or_else(|| to_py(Error::Invalid(format!("{kind} needs angle (rad)"))));
         let default = BarrierRule::default();
         let barrier = BarrierRule {
@@ -72,8 +96,8 @@ impl PyOrientationRule {
         let chosen = match kind {
             "constant" => RuleKind::Constant,
             "pointing" => RuleKind::Pointing,
-            "tilt_square" => RuleKind::TiltSquare { angle: angle()?, spin },
-            "tilt_disc" => RuleKind::TiltDisc { angle: angle()?, spin },
+            "tilt_square" => RuleKind::TiltSquare { angle: angle()?, spin: turning },
+            "tilt_disc" => RuleKind::TiltDisc { angle: angle()?, spin: turning },
             "barrier_cone" => RuleKind::BarrierCone(barrier),
             "barrier_two_cones" => RuleKind::BarrierTwoCones {
                 axis: barrier,
@@ -176,10 +200,28 @@ impl PyOrientationRule {
         if let Some(surface) = self.rule.surface() {
             given.set_item("center", surface.center)?;
             given.set_item("half_extents", surface.half_extents)?;
-            given.set_item("radius", surface.radius)?;
+            if matches!(self.rule.kind(), RuleKind::TiltDisc { .. }) {
+                given.set_item("radius", surface.radius)?;
+            }
         }
         Ok((make, (self.kind().into(), given)))
     }
+}
+
+/// The options of a rule beside `orientation`; `None` for a rule that does not exist.
+fn options_of(kind: &str) -> Option<&'static [&'static str]> {
+    Some(match kind {
+        "constant" | "pointing" => &[],
+        "tilt_square" => &["angle", "spin", "center", "half_extents"],
+        "tilt_disc" => &["angle", "spin", "center", "radius", "half_extents"],
+        "barrier_cone" | "barrier_spin" => {
+            &["beta", "alpha", "k_err", "k_tcp", "distance", "center", "half_extents"]
+        }
+        "barrier_two_cones" => {
+            &["beta", "alpha", "gamma", "k_err", "k_tcp", "k_x", "distance", "center", "half_extents"]
+        }
+        _ => return None,
+    })
 }
 
 fn spin_word(spin: RuleSpin) -> &'static str {
@@ -316,6 +358,15 @@ impl PyMaxSpeed {
         self.result.at
     }
 
+    /// Whether no other joint motion over the path is faster.
+    ///
+    /// True with `q` given, and where all branches of a six-joint arm were compared; `False` where lines from a few
+    /// starts, or the one from `q0`, were followed.
+    #[getter]
+    fn proven(&self) -> bool {
+        self.result.proven
+    }
+
     /// Joint positions `(N, n)`, rad.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -343,7 +394,7 @@ impl PyMaxSpeed {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, SpeedParts)> {
         let r = self.result.clone();
         let at = (r.speed, r.limiting_joint, r.limit == SpeedLimit::Velocity, r.at);
-        let parts = (at, r.q, r.torques, r.point_speeds, self.joint_name.clone());
+        let parts = (at, r.q, r.torques, r.point_speeds, self.joint_name.clone(), r.proven);
         Ok((py.get_type::<Self>().getattr("_from_parts")?, parts))
     }
 
@@ -355,14 +406,16 @@ impl PyMaxSpeed {
         torques: Vec<f64>,
         point_speeds: Vec<f64>,
         joint_name: String,
+        proven: bool,
     ) -> Self {
         let (speed, limiting_joint, velocity, at) = at;
         let limit = if velocity { SpeedLimit::Velocity } else { SpeedLimit::Torque };
-        Self { result: MaxSpeed { speed, limiting_joint, limit, at, q, torques, point_speeds }, joint_name }
+        let result = MaxSpeed { speed, limiting_joint, limit, at, q, torques, point_speeds, proven };
+        Self { result, joint_name }
     }
 }
 
-type SpeedParts = ((f64, usize, bool, usize), Vec<f64>, Vec<f64>, Vec<f64>, String);
+type SpeedParts = ((f64, usize, bool, usize), Vec<f64>, Vec<f64>, Vec<f64>, String, bool);
 
 fn rows<'py>(py: Python<'py>, values: &[f64], n: usize) -> PyResult<Bound<'py, PyAny>> {
     Ok(to_array(py, values, [n, values.len() / n.max(1)])?.into_any())
@@ -407,7 +460,7 @@ fn read_line(py: Python<'_>, chain: &Chain, path: &Path, q: &Bound<'_, PyAny>) -
 pub fn py_max_speed<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
-    path: &Bound<'py, PyPath>,
+    path: Given<'py, PyPath>,
     orientation_rule: Option<&Bound<'py, PyAny>>,
     q: Option<&Bound<'py, PyAny>>,
     q0: Option<&Bound<'py, PyAny>>,
@@ -515,7 +568,7 @@ type ProfileParts = (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>);
 pub fn py_fastest_profile<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
-    path: &Bound<'py, PyPath>,
+    path: Given<'py, PyPath>,
     q: &Bound<'py, PyAny>,
     start_speed: f64,
     end_speed: f64,

@@ -17,7 +17,7 @@ use redundancy_core::velocity::{
 };
 
 use crate::chain::PyChain;
-use crate::convert::{read_vector, to_array};
+use crate::convert::{Argument, Given, read_vector, to_array};
 use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
@@ -152,6 +152,11 @@ impl PyResolver {
     fn lock(&self) -> MutexGuard<'_, Box<dyn Resolver>> {
         self.resolver.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+impl Argument for PyResolver {
+    const WHAT: &'static str = "a resolver";
+    const HOW: &'static str = "for example rd.ProjectedGradient(chain, criterion, gain)";
 }
 
 #[pymethods]
@@ -304,7 +309,7 @@ impl PyProjectedGradient {
     text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", *, frame=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
-        criterion: Option<&Bound<'_, PyCriterion>>,
+        criterion: Option<Given<'_, PyCriterion>>,
         gain: &Bound<'_, PyAny>,
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<WordOr>,
@@ -315,7 +320,7 @@ impl PyProjectedGradient {
         let task = task.map_or(Ok(Task::POSE), read_task)?;
         let mut resolver = ProjectedGradient::new(
             &chain.get().chain,
-            read_criterion(criterion),
+            read_criterion(criterion.as_deref()),
             read_gain(gain)?,
             task,
             read_damping(damping.as_ref())?,
@@ -336,7 +341,7 @@ impl PyProjectedGradient {
     #[staticmethod]
     fn _make<'py>(
         chain: &Bound<'py, PyChain>,
-        criterion: Option<&Bound<'py, PyCriterion>>,
+        criterion: Option<Given<'py, PyCriterion>>,
         gain: &Bound<'py, PyAny>,
         task: &Bound<'py, PyAny>,
         damping: Option<WordOr>,
@@ -381,7 +386,7 @@ impl PyReducedGradient {
         schedule=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
-        criterion: Option<&Bound<'_, PyCriterion>>,
+        criterion: Option<Given<'_, PyCriterion>>,
         gain: &Bound<'_, PyAny>,
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<WordOr>,
@@ -396,7 +401,7 @@ impl PyReducedGradient {
         let joints = basis.as_deref().map(read_basis).transpose()?;
         let mut resolver = ReducedGradient::new(
             &chain.get().chain,
-            read_criterion(criterion),
+            read_criterion(criterion.as_deref()),
             read_gain(gain)?,
             task,
             read_damping(damping.as_ref())?,
@@ -434,7 +439,7 @@ impl PyReducedGradient {
     #[staticmethod]
     fn _make<'py>(
         chain: &Bound<'py, PyChain>,
-        criterion: Option<&Bound<'py, PyCriterion>>,
+        criterion: Option<Given<'py, PyCriterion>>,
         gain: &Bound<'py, PyAny>,
         task: &Bound<'py, PyAny>,
         damping: Option<WordOr>,
@@ -469,7 +474,7 @@ impl PyExtendedJacobian {
     text_signature = "(chain, criterion, task=None, *, gain=10.0, damping=\"auto\")")]
     fn new(
         chain: &Bound<'_, PyChain>,
-        criterion: &Bound<'_, PyCriterion>,
+        criterion: Given<'_, PyCriterion>,
         task: Option<&Bound<'_, PyAny>>,
         gain: f64,
         damping: Option<WordOr>,
@@ -491,7 +496,7 @@ impl PyExtendedJacobian {
     #[staticmethod]
     fn _make<'py>(
         chain: &Bound<'py, PyChain>,
-        criterion: &Bound<'py, PyCriterion>,
+        criterion: Given<'py, PyCriterion>,
         task: &Bound<'py, PyAny>,
         gain: f64,
         damping: Option<WordOr>,
@@ -539,11 +544,11 @@ impl PySaturatedNullspace {
             safe_distance=0.02, barrier_rate=5.0, self_collision='auto')")]
     fn new(
         chain: &Bound<'_, PyChain>,
-        criterion: Option<&Bound<'_, PyCriterion>>,
+        criterion: Option<Given<'_, PyCriterion>>,
         gain: f64,
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<&Bound<'_, PyAny>>,
-        scene: Option<&Bound<'_, PyScene>>,
+        scene: Option<Given<'_, PyScene>>,
         links: Option<&Bound<'_, PyLinkGeometry>>,
         safe_distance: f64,
         barrier_rate: f64,
@@ -554,13 +559,13 @@ impl PySaturatedNullspace {
         let arm = &chain.get().chain;
         let mut resolver = SaturatedNullspace::new(
             arm,
-            read_criterion(criterion),
+            read_criterion(criterion.as_deref()),
             Gain::Constant(gain),
             task,
             read_damping(damping)?,
         )
         .map_err(to_py)?;
-        let around = surroundings_of(arm, scene, links, self_collision)?;
+        let around = surroundings_of(arm, scene.as_deref(), links, self_collision)?;
         let decided = around.as_ref().map(|(_, own)| *own);
         if let Some((around, _)) = around {
             let settings = ContactSettings { safe_distance, barrier_rate };
@@ -887,13 +892,13 @@ impl PyTrack {
 pub fn py_track<'py>(
     py: Python<'py>,
     chain: &Bound<'py, PyChain>,
-    resolver: &Bound<'py, PyResolver>,
-    path: &Bound<'py, PyPath>,
+    resolver: Given<'py, PyResolver>,
+    path: Given<'py, PyPath>,
     q0: &Bound<'py, PyAny>,
     dt: f64,
     feedback: f64,
     tolerance: Option<(f64, f64)>,
-    scene: Option<&Bound<'py, PyScene>>,
+    scene: Option<Given<'py, PyScene>>,
     links: Option<&Bound<'py, PyLinkGeometry>>,
     self_collision: Option<SelfCollision>,
     progress: Option<Py<PyAny>>,
@@ -911,7 +916,7 @@ pub fn py_track<'py>(
         (settings.position_tolerance, settings.orientation_tolerance) = tolerance;
     }
     let path = &path.get().path;
-    let given = surroundings_of(resolver.chain(), scene, links, self_collision)?;
+    let given = surroundings_of(resolver.chain(), scene.as_deref(), links, self_collision)?;
     let around = given.as_ref().map(|(around, _)| around).or(resolver.surroundings());
     let done = watched(py, progress, time_limit, |watch| {
         track_beside(&*resolver, path, &q0, &settings, around, watch)

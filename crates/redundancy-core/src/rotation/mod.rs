@@ -17,6 +17,7 @@
 //! | `fixed_step` | the paper's iteration with a fixed step |
 //! | `on_axis` | fixed steps and Newton for cones on one body axis, on that axis alone |
 //! | `newton` | Newton's method on S^3 |
+//! | `valley` | the same with bounded steps, where the sum has bent valleys |
 //! | `gradient` | the paper's gradient method |
 //! | `structure` | what the constraints of a problem have in common |
 //! | `optimize` | [`OrientationOptimizer`] |
@@ -39,6 +40,7 @@ mod quaternion;
 mod sequence;
 mod start;
 mod structure;
+mod valley;
 mod volume;
 
 pub use arc::{DirectionMinimum, TwoCones};

@@ -1,7 +1,8 @@
 //! Riemannian Newton on S^3 in body coordinates, for sums of barriers.
 //!
 //! `q <- normalise(q * (1, delta / 2))` with `delta = -H^-1 grad`. Steps with a small decrement are taken whole, others are
-//! measured, halved while they do not decrease the sum enough and doubled while that pays. No iterate leaves the sets.
+//! measured, halved while they do not decrease the sum enough and doubled while that pays. No iterate leaves the sets. After
+//! some iterations the steps are bounded by a radius instead: see the module `valley`.
 
 use nalgebra::{Quaternion, SymmetricEigen, Unit, UnitQuaternion, Vector3};
 
@@ -24,6 +25,9 @@ pub(super) struct Newton<'a> {
 }
 
 impl Newton<'_> {
+    /// Iterations after which bounded steps go on (see the module `valley`): 98 of 100 problems with spins need fewer.
+    const PATIENCE: u32 = 12;
+
     /// From `start` until the estimated remaining angle is at most `tolerance`; `None` where `start` lies outside of a
     /// set.
     pub fn descend(&self, start: UnitQuaternion<f64>, tolerance: f64, limit: u32) -> Option<Descent> {
@@ -33,6 +37,9 @@ impl Newton<'_> {
         let mut value = None;
         for iteration in 1..=limit {
             self.flatten(&mut model, &q);
+            if iteration > Self::PATIENCE {
+                return Some(self.follow_valley(q, model, iteration, tolerance, limit));
+            }
             let step = factored_direction(&model).unwrap_or_else(|| self.convex_direction(&q, &model));
             // Squared decrement per unit of weight: at 1 the step reaches about to the boundary.
             let decrement = -model.gradient.dot(&step) / self.least;
@@ -116,7 +123,7 @@ impl Newton<'_> {
     /// Gives the direction of a symmetry, in which the Hessian is zero at the minimum and indefinite elsewhere, the
     /// curvature of the others and no coupling to them: Newton then works on the remaining two.
     #[inline]
-    fn flatten(&self, model: &mut Model, q: &UnitQuaternion<f64>) {
+    pub(super) fn flatten(&self, model: &mut Model, q: &UnitQuaternion<f64>) {
         let n = match self.symmetry {
             Symmetry::None => return,
             Symmetry::Body(axis) => axis.into_inner(),

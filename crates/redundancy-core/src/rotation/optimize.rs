@@ -102,7 +102,7 @@ pub struct OrientationSettings {
     /// Estimated remaining angle, rad, at which the iteration stops. `None`: [`ORIENTATION_STEP`] for Newton,
     /// [`GRADIENT_STATIONARY`](crate::tolerance::GRADIENT_STATIONARY) for the gradient method.
     pub tolerance: Option<f64>,
-    /// Most iterations. `None`: 100 for Newton, 10 000 for the gradient method.
+    /// Most iterations. `None`: 200 for Newton, 10 000 for the gradient method.
     pub max_iterations: Option<u32>,
     /// Step `a` of the gradient method, in units of the paper's quaternion gradient: fixed, or the first one tried.
     /// `None`: the inverse curvature of the barriers on their axes.
@@ -501,7 +501,7 @@ impl OrientationOptimizer {
 }
 
 /// Most iterations of Newton's method unless the settings say otherwise.
-const NEWTON_ITERATIONS: u32 = 100;
+const NEWTON_ITERATIONS: u32 = 200;
 
 /// What [`OrientationOptimizer::quick_start`] gives.
 enum QuickStart {

@@ -22,8 +22,12 @@
 //!
 //! and so arrives at the next minimum or maximum. A point that is no such optimum is also left where the task alone takes
 //! a joint beyond its speed limit: minima of the manipulability lead to singularities of J. Everywhere the motion of the
-//! freedom is scaled down until no joint is faster than the larger of its limit and [`FREEDOM_SPEED_RATIO`] times the
-//! fastest joint of `J^+ v` ([`Resolver::speed_bound`]).
+//! freedom is scaled down until no joint is faster than the larger of its limit and [`LIMITED_SPEED_RATIO`] times the fastest
+//! joint of `J^+ v` ([`Resolver::speed_bound`]); of a joint without a limit [`FREEDOM_SPEED_RATIO`] times the fastest joint.
+//!
+//! The optimum of a criterion may lead into a singularity of J, where the task alone asks for fast joints. Where J is damped
+//! a motion of the freedom that lowers its least singular value is reduced by the square of that value's share of the
+//! damping's threshold.
 
 use std::sync::Arc;
 
@@ -36,9 +40,12 @@ use super::{Resolver, SpeedBound, Step, StepInput};
 use crate::chain::Chain;
 use crate::criterion::{Criterion, Stationarity};
 use crate::error::{Error, Result};
-use crate::kinematics::Task;
+use crate::kinematics::{Scratch, Task};
 use crate::status::Status;
-use crate::tolerance::{ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, SINGULAR_RANK};
+use crate::tolerance::{
+    ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, LIMITED_SPEED_RATIO, SINGULAR_RANK,
+    SINGULARITY_STEP,
+};
 
 /// Extended Jacobian scheme [Park1996, eq. (5)].
 ///
@@ -60,7 +67,7 @@ use crate::tolerance::{ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, J
 pub struct ExtendedJacobian {
     local: Local,
     gain: f64,
-    damped: bool,
+    damping: Option<Damping>,
     stationarity: Stationarity<'static>,
     inverse: PseudoInverse,
     svd: Svd,
@@ -73,6 +80,16 @@ pub struct ExtendedJacobian {
     limits: Vec<f64>,
     last: LastStep,
     bound: Option<SpeedBound>,
+    probe: Probe,
+}
+
+/// The Jacobian a little way along the freedom.
+#[derive(Debug, Clone)]
+struct Probe {
+    scratch: Scratch,
+    q: Vec<f64>,
+    jacobian: Vec<f64>,
+    svd: Svd,
 }
 
 /// What is kept of a step for the next one.
@@ -114,7 +131,7 @@ impl ExtendedJacobian {
         Ok(Self {
             local: Local::new(chain, None, task)?,
             gain,
-            damped: damping.is_some(),
+            damping,
             stationarity,
             inverse: PseudoInverse::new(damping, m, n),
             svd: Svd::new(r, r),
@@ -125,6 +142,12 @@ impl ExtendedJacobian {
             limits: chain.joints().iter().map(|joint| limit(joint.limits.velocity)).collect(),
             last: LastStep { q: vec![0.0; n], ..LastStep::default() },
             bound: None,
+            probe: Probe {
+                scratch: Scratch::new(chain),
+                q: vec![0.0; n],
+                jacobian: vec![0.0; m * n],
+                svd: Svd::new(m, n),
+            },
         })
     }
 
@@ -143,7 +166,7 @@ impl ExtendedJacobian {
         let threshold = ALGORITHMIC_THRESHOLD * scale;
         let algorithmic = self.svd.smallest() < threshold || scale == 0.0;
         let gain = input.dt.map_or(self.gain, |dt| self.gain.min(1.0 / dt));
-        if self.damped && self.leaves(input.q, qd, algorithmic) {
+        if self.damping.is_some() && self.leaves(input.q, qd, algorithmic) {
             self.improve(gain, threshold);
         } else {
             self.stay(gain, scale, qd);
@@ -153,9 +176,12 @@ impl ExtendedJacobian {
         for (z, column) in self.free.iter().zip(basis.column_iter()) {
             self.freedom.iter_mut().zip(column.iter()).for_each(|(qd, n)| *qd += z * n);
         }
-        self.bound = if self.damped { self.slow_down(qd) } else { None };
+        if let Some(damping) = self.damping.filter(|_| loss.any()) {
+            self.keep_off(input.q, damping.threshold);
+        }
+        self.bound = if self.damping.is_some() { self.slow_down(qd) } else { None };
         qd.iter_mut().zip(&self.freedom).for_each(|(qd, free)| *qd += free);
-        let singular = loss.any() || (algorithmic && self.damped);
+        let singular = loss.any() || (algorithmic && self.damping.is_some());
         Ok(Step {
             status: if singular { Status::Singular } else { Status::Converged },
             scale: 1.0,
@@ -210,12 +236,35 @@ impl ExtendedJacobian {
         }
     }
 
+    /// Reduces a motion of the freedom that leads deeper into a singularity of J.
+    fn keep_off(&mut self, q: &[f64], threshold: f64) {
+        let size = dot(&self.freedom, &self.freedom).sqrt();
+        if size == 0.0 {
+            return;
+        }
+        let Probe { scratch, q: ahead, jacobian, svd } = &mut self.probe;
+        let (chain, task) = (&self.local.chain, &self.local.task);
+        svd.decompose(&self.local.jacobian, task.dim());
+        let here = svd.smallest();
+        for ((ahead, q), free) in ahead.iter_mut().zip(q).zip(&self.freedom) {
+            *ahead = q + SINGULARITY_STEP / size * free;
+        }
+        task.write_jacobian(&chain.kinematics_unchecked(ahead, scratch), jacobian);
+        svd.decompose(jacobian, task.dim());
+        if here < threshold && svd.smallest() < here {
+            let share = (here / threshold).powi(2);
+            self.freedom.iter_mut().for_each(|v| *v *= share);
+        }
+    }
+
     /// Scales the motion of the freedom down until no joint is faster than its bound. `least` is `J^+ v`.
     fn slow_down(&mut self, least: &[f64]) -> Option<SpeedBound> {
         let fastest = least.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
         let mut bound: Option<SpeedBound> = None;
         for (joint, (free, v)) in self.freedom.iter().zip(least).enumerate() {
-            let speed = self.limits[joint].max(FREEDOM_SPEED_RATIO * fastest);
+            let limited = self.local.chain.joints()[joint].limits.velocity.is_finite();
+            let ratio = if limited { LIMITED_SPEED_RATIO } else { FREEDOM_SPEED_RATIO };
+            let speed = self.limits[joint].max(ratio * fastest);
             if (v + free).abs() <= speed {
                 continue;
             }

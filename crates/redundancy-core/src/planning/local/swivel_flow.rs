@@ -348,8 +348,10 @@ impl SwivelFlow {
         run.rate = gap.map(|_| step.rate);
         if let Some((before, gap)) = here.before {
             let (used, joint) = self.speed(&step.q, &before, gap);
-            if used > 1.0 + SPEED_ROUNDING && run.fastest.is_none_or(|fastest| used > fastest.used) {
-                run.fastest = Some(FastStep { used, joint, row });
+            if used > 1.0 + SPEED_ROUNDING {
+                let step = FastStep { used, joint, row };
+                run.fast = Some(run.fast.unwrap_or(step));
+                run.fastest = run.fastest.filter(|fastest| fastest.used >= used).or(Some(step));
             }
         }
         if !step.within_limits && run.outside.is_none() {
@@ -380,7 +382,7 @@ impl SwivelFlow {
         let moved = faults.is_empty();
         faults.extend(self.forced_contact(&run.q, &times));
         let legal = faults.is_empty();
-        if let Some(FastStep { used, joint, row }) = run.fastest {
+        if let Some(FastStep { used, joint, row }) = run.fast {
             let name = &self.arm.chain().joints()[joint].name;
             let message = format!("joint '{name}' moves at {used:.2} times its speed limit");
             let (t, s) = (times[row], run.s[row]);
@@ -498,7 +500,12 @@ impl SwivelFlow {
         if let Some(FastStep { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
             let t = times[row];
-            faults.push(format!("joint '{name}' moves at {used:.2} times its speed limit at t = {t:.3} s"));
+            let first = run.fast.map(|fast| fast.row).filter(|first| *first < row);
+            let since = first
+                .map_or_else(String::new, |first| format!(", too fast from t = {:.3} s on", times[first]));
+            faults.push(format!(
+                "joint '{name}' moves at {used:.2} times its speed limit at t = {t:.3} s{since}"
+            ));
         }
         faults
     }
@@ -526,7 +533,8 @@ struct FlowRows {
     rate: Option<f64>,
     /// The first row that breaks a joint limit.
     outside: Option<usize>,
-    /// The step that exceeds a speed limit most.
+    /// The first step that exceeds a speed limit, and the one that exceeds one most.
+    fast: Option<FastStep>,
     fastest: Option<FastStep>,
 }
 

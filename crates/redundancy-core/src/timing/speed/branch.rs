@@ -36,7 +36,8 @@ pub fn max_speed_of_poses(
                 lines::follow(chain, poses, start).map_err(|(k, why)| cannot_follow(chain, poses, k, why))?
             }
         };
-        return constant_speed(SpeedTerms::new(chain, s, &line, settings, false)?, chain, settings);
+        let found = constant_speed(SpeedTerms::new(chain, s, &line, settings, false)?, chain, settings)?;
+        return Ok(MaxSpeed { proven: false, ..found });
     }
     let finish = |mut line: Vec<f64>| -> std::result::Result<MaxSpeed, BranchFailure> {
         if settings.joint_limits {
@@ -48,6 +49,7 @@ pub fn max_speed_of_poses(
     };
     let branches = form.and_then(|form| lines::all_branches(form, poses));
     // The branches of isolated configurations are all there is; other lines are followed from a few starts.
+    let proven = branches.is_some();
     let (what, remark) = match &branches {
         Some(_) => ("branches", ""),
         None => ("lines", ", other lines may (q0 or q choose one; plan searches all)"),
@@ -85,7 +87,7 @@ pub fn max_speed_of_poses(
             }
         }
     }
-    best.ok_or_else(|| match reason {
+    best.map(|found| MaxSpeed { proven, ..found }).ok_or_else(|| match reason {
         Some(BranchFailure::Speed(error)) => error,
         Some(BranchFailure::Limits(j, k)) => Error::CannotFollow(format!(
             "none of {count} {what} tried holds the joint limits along the path; the best one leaves those of joint '{}' at \

@@ -22,6 +22,8 @@ pub struct MaxSpeed {
     pub torques: Vec<f64>,
     /// Largest constant speed that each point would allow on its own, m/s; infinite where nothing moves.
     pub point_speeds: Vec<f64>,
+    /// Whether no other joint motion over the path is faster. False where lines from a few starts were followed.
+    pub proven: bool,
 }
 
 /// The largest constant tool speed for given joint positions, one row per path point.
@@ -83,5 +85,14 @@ pub(super) fn constant_speed(terms: SpeedTerms, chain: &Chain, settings: &SpeedS
         ));
     }
     let torques = terms.weights.iter().zip(&terms.dynamic).map(|(g, d)| g + squared * d).collect();
-    Ok(MaxSpeed { speed: squared.sqrt(), limiting_joint, limit, at, q: terms.q, torques, point_speeds })
+    Ok(MaxSpeed {
+        speed: squared.sqrt(),
+        limiting_joint,
+        limit,
+        at,
+        q: terms.q,
+        torques,
+        point_speeds,
+        proven: true,
+    })
 }

@@ -1,5 +1,7 @@
 //! The last refinement of a line: Newton's method on the swivels of all points.
 
+use std::f64::consts::PI;
+
 use super::problem::{SwivelLine, SwivelProblem};
 use crate::joint_space::{TURN, nearest_all};
 use crate::kinematics::Scratch;
@@ -55,7 +57,7 @@ impl SwivelProblem<'_> {
     }
 
     /// Newton's method on all swivels at once: exact in the motion terms to first order of the curves, differences in
-    /// the cost of points. Neighbours couple only, so a step is one banded system. The ends of a closed line stay.
+    /// the cost of points. Neighbours couple only, so a step is one banded system. The ends of a closed line are one point.
     pub fn polish(&self, mut line: SwivelLine) -> SwivelLine {
         let n = line.q.len();
         if n < 2 || !line.reconfigurations.is_empty() {
@@ -69,10 +71,7 @@ impl SwivelProblem<'_> {
             if self.settings.acceleration_weight > 0.0 {
                 self.add_acceleration(&mut system, &line, &local);
             }
-            if self.settings.cyclic {
-                system.hold_ends();
-            }
-            let step = system.solve();
+            let step = if self.settings.cyclic { system.solve_closed() } else { system.solve() };
             let largest = step.iter().fold(0.0f64, |m, d| m.max(d.abs()));
             if largest.is_nan() || largest < POLISH_STEP {
                 break;
@@ -161,7 +160,8 @@ impl SwivelProblem<'_> {
             let swivel: Vec<f64> = line.swivel.iter().zip(step).map(|(s, d)| s + share * d).collect();
             if let Some((q, near)) = self.along(&swivel, &line.branch, &line.q[0]) {
                 let next = self.cost_of(&swivel, &q, &near);
-                if next < *cost {
+                let closes = !self.settings.cyclic || closes(&q);
+                if closes && next < *cost {
                     (line.swivel, line.q, *cost) = (swivel, q, next);
                     return true;
                 }
@@ -170,6 +170,12 @@ impl SwivelProblem<'_> {
         }
         false
     }
+}
+
+/// Whether a line ends with the windings with which it began.
+fn closes(q: &[[f64; 7]]) -> bool {
+    let ends = q.first().zip(q.last());
+    ends.is_none_or(|(first, last)| first.iter().zip(last).all(|(a, b)| (a - b).abs() < PI))
 }
 
 impl NewtonSystem {
@@ -190,6 +196,34 @@ impl NewtonSystem {
     fn solve(mut self) -> Vec<f64> {
         solve_banded(&mut self.band, &mut self.right);
         self.right
+    }
+
+    /// The step of a closed line, whose first and last point are one: with x their common step, the others are `u - x w`,
+    /// where `u` solves the system with the ends held and `w` that of their couplings to the ends.
+    fn solve_closed(mut self) -> Vec<f64> {
+        let n = self.band.len();
+        let mut coupling = vec![0.0; n];
+        let mut diagonal = self.band[0][0] + self.band[n - 1][0];
+        for (k, value) in [
+            (1, self.band[1][1]),
+            (2, self.band[2][2]),
+            (n - 2, self.band[n - 1][1]),
+            (n - 3, self.band[n - 1][2]),
+        ] {
+            // A path of three points couples its ends to each other.
+            if k == 0 || k == n - 1 { diagonal += value } else { coupling[k] += value }
+        }
+        let right = self.right[0] + self.right[n - 1];
+        self.hold_ends();
+        let mut w = coupling.clone();
+        solve_banded(&mut self.band.clone(), &mut w);
+        let mut step = self.solve();
+        let along = |x: &[f64]| coupling.iter().zip(x).map(|(c, x)| c * x).sum::<f64>();
+        let pivot = (diagonal - along(&w)).max(PIVOT_FLOOR);
+        let ends = (right - along(&step)) / pivot;
+        step.iter_mut().zip(&w).for_each(|(u, w)| *u -= ends * w);
+        (step[0], step[n - 1]) = (ends, ends);
+        step
     }
 }
 

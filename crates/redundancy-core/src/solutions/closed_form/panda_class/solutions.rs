@@ -188,7 +188,7 @@ impl ClosedForm for PandaClassArm {
             }
             return self.roomiest(&target, q);
         }
-        let Ok(motion) = self.self_motion(pose) else { return Status::Unreachable };
+        let Ok(motion) = self.self_motion(pose) else { return Status::IterationLimit };
         search::select(&motion, q0, criterion, q)
     }
 

@@ -257,9 +257,10 @@ impl ClosedForm for SphericalWristArm {
             None => -room(self.chain(), row),
         };
         let valid = (0..8).filter(|b| mask & (1 << b) != 0).map(|b| (value(&rows[b]), b));
-        if let Some((_, best)) = valid.min_by(|a, b| a.0.total_cmp(&b.0)) {
-            q.copy_from_slice(&rows[best]);
-        }
+        let Some((_, best)) = valid.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Status::IterationLimit;
+        };
+        q.copy_from_slice(&rows[best]);
         Status::Converged
     }
 

@@ -197,7 +197,7 @@ impl ClosedForm for SrsArm {
                 }
             }
         }
-        let Ok(motion) = self.self_motion(pose) else { return Status::Unreachable };
+        let Ok(motion) = self.self_motion(pose) else { return Status::IterationLimit };
         let found = match (criterion, q0) {
             (Some(criterion), _) => motion.best(criterion).ok().flatten().map(|choice| choice.q),
             (None, Some(q0)) => motion.nearest(q0).ok().flatten().map(|choice| choice.q),
