@@ -193,7 +193,7 @@ class Analysis:
     ) -> list[str]:
         kinds = [str(point.kind) for point in points]
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) or "none"
-        lines = [f"critical points of {self.criterion_name} over the pose: {counts}"]
+        lines = [f"critical points of {self.criterion_name} for the pose: {counts}"]
         if not ranked:
             for point in points:
                 degrees = ", ".join(f"{x:.2f}" for x in np.degrees(point.q))

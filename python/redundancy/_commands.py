@@ -137,7 +137,8 @@ SOURCES = {
 def robots() -> None:
     """List the arms of the built-in catalogue.
 
-    Reach is the length of the arm from the base to the tool when stretched out: no point farther away can be reached.
+    Reach is the length of the arm from the base to the tool when stretched out:
+    no point farther away can be reached.
 
     Example:  redundancy robots
     """
@@ -247,9 +248,11 @@ def track(
 ) -> None:
     """Follow a path of tool poses with a seven-joint S-R-S arm, without jumps, away from limits and obstacles.
 
-    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory), summary.json and PNGs; with obstacles
-    also animation.json: positions of joints and obstacles in space, row by row. If the path has times, they are kept,
-    and limits that they violate are reported; otherwise the motion goes from rest to rest as fast as the limits allow.
+    Writes trajectory.csv, trajectory.json (field names of ROS JointTrajectory),
+    summary.json and PNGs; with obstacles also animation.json: positions of
+    joints and obstacles in space, row by row. If the path has times, they are
+    kept, and limits that they violate are reported; otherwise the motion goes
+    from rest to rest as fast as the limits allow.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy track --robot pa10 --path path.csv --out run/
@@ -721,8 +724,8 @@ def analyse(
 ) -> None:
     """Find every optimum of a criterion for a pose, and how far each can be followed along a path.
 
-    Writes summary.json (critical points, their kinds, where and why each path stops), the trajectory of the best
-    start, and PNGs.
+    Writes summary.json (critical points, their kinds, where and why each path
+    stops), the trajectory of the best start, and PNGs.
     Exit status: 0 done, 1 no start completes the path, 2 bad input.
 
     Example:  redundancy analyse --robot planar3r --out analysis/
@@ -796,9 +799,11 @@ def paint(
 ) -> None:
     """Find how fast a gun can paint: with constant orientation, with the rules of the papers, with a plan.
 
-    Prints the largest constant speed of each, and writes the fastest motion (with --plan, that of the plan):
-    trajectory.csv, trajectory.json, summary.json, PNGs, and report.html, which needs no network.
-    The tool speed is constant along the path; a lead-in and a lead-out, marked as sections, begin and end at rest.
+    Prints the largest constant speed of each, and writes the fastest motion
+    (with --plan, that of the plan): trajectory.csv, trajectory.json,
+    summary.json, PNGs, and report.html, which needs no network. The tool speed
+    is constant along the path; a lead-in and a lead-out, marked as sections,
+    begin and end at rest.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
     Example:  redundancy paint --robot puma560 --tool -0.15,0,0.4 --path path.csv --out run/
@@ -950,8 +955,9 @@ def plan(
 ) -> None:
     """Plan a whole path for any arm, with any freedom of the tool.
 
-    Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs. Ctrl-C keeps the best plan so far.
-    Times of the path (or of --tool-speed) are kept, and limits that they violate are reported; without them the motion
+    Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs.
+    Ctrl-C keeps the best plan so far. Times of the path (or of --tool-speed)
+    are kept, and limits that they violate are reported; without them the motion
     goes from rest to rest as fast as the limits allow.
     Exit status: 0 done, 1 the path cannot be followed, 2 bad input.
 
@@ -1130,9 +1136,11 @@ def demo(
 ) -> None:
     """Run seven worked examples of `track`, `plan` and `paint` on built-in paths.
 
-    `track`: a PA10 follows a raster, an iiwa a slanted circle, and the PA10 a circle beside a ball. `plan`: a Panda and
-    a UR5e, whose tool may spin freely, follow rasters, and an iiwa on a rail a wall. `paint`: a PUMA 560 with a spray
-    gun. Writes the paths beside the results and prints the command of each example.
+    `track`: a PA10 follows a raster, an iiwa a slanted circle, and the PA10 a
+    circle beside a ball. `plan`: a Panda and a UR5e, whose tool may spin
+    freely, follow rasters, and an iiwa on a rail a wall. `paint`: a PUMA 560
+    with a spray gun. Writes the paths beside the results and prints the command
+    of each example.
 
     Example:  redundancy demo --out demo/
     """

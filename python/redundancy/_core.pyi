@@ -3776,12 +3776,18 @@ def plan(
     freedom: ToolFreedom | None = None,
     *,
     task: str | Task | None = None,
+    scene: Scene | None = None,
+    links: LinkGeometry | None = None,
+    self_collision: bool | Literal["auto"] = "auto",
     cyclic: bool = False,
     q_start: ArrayLike | None = None,
     q_end: ArrayLike | None = None,
     objective: str = "motion",
-    motion_weight: float | None = None,
-    limit_weight: float | None = None,
+    motion_weight: float | None = 0.5,
+    limit_weight: float | None = 1.0,
+    clearance_weight: float | None = 10000.0,
+    wanted_clearance: float | None = 0.03,
+    link_radius: float | None = 0.05,
     criterion: Criterion | None = None,
     criterion_weight: float = 1.0,
     joint_weights: ArrayLike | None = None,
@@ -3796,8 +3802,9 @@ def plan(
 ) -> Plan:
     """Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 
-    Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
-    once, with `D` the share of the path (of its time, if it has times) and `L` the limit term of docs/planning.md.
+    Minimises `sum_k D_k (limit_weight L(q_k) + clearance_weight C(q_k) + criterion) + motion_weight sum_k |W dq_k|^2
+    / D_k` over all rows at once, with `D` the share of the path (of its time, if it has times), and with the terms
+    `L` of the joint limits and `C` of the clearance as in docs/planning.md.
 
         plan = rd.plan(rd.catalog.load("panda"), path)
         plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
@@ -3808,6 +3815,12 @@ def plan(
         freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
             positions).
         task: Which coordinates count, by name or as a `Task`, instead of a freedom.
+        scene: Obstacles; contact is forbidden, between the rows too. Moving obstacles are at their positions at the
+            times of the path.
+        links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
+            joint.
+        self_collision: Whether links must not touch each other. `"auto"`: if `links` has pairs. `True` without
+            `links`: the pairs of joint-to-joint capsules that are found by sampling.
         cyclic: The arm ends in the configuration in which it began, windings included; the path must be closed.
         q_start: Configuration `(n,)` at the first point.
         q_end: Configuration `(n,)` at the last point.
@@ -3815,6 +3828,11 @@ def plan(
             `speed_weights`, then the motion; needs times).
         motion_weight: Weight of the joint motion. Default 0.5.
         limit_weight: Weight of the distance from the joint limits. Default 1.
+        clearance_weight: Weight of the shortfall from the wanted distance, `sum max(0, 1 - d / wanted)^2` over links
+            and obstacles. Default 10 000.
+        wanted_clearance: Wanted distance from the obstacles, m; distances that the freedom cannot change do not
+            count.
+        link_radius: Radius of the capsules if no `links` are given, m. Default 0.05.
         criterion: Minimised or maximised along the path, according to its sense.
         criterion_weight: Its weight.
         joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).

@@ -173,7 +173,7 @@ fn limits_and_windings_hold_or_the_reason_is_given() {
             assert_eq!(all.q.len(), expected.len());
             if expected.is_empty() {
                 assert_eq!(all.status, Status::Limits);
-                assert!(all.reason.contains("at best joint 'j"), "{}", all.reason);
+                assert!(all.reason.contains("even the best leaves joint 'j"), "{}", all.reason);
                 assert!(arm.nearest(&target, &q).unwrap().is_none());
                 limited += 1;
                 continue;

@@ -470,7 +470,7 @@ fn out_of_reach_and_out_of_limits_say_so() {
             Status::Limits => {
                 limited += 1;
                 assert!(
-                    motion.reason().contains("at best joint 'panda_joint")
+                    motion.reason().contains("even the best point leaves joint 'panda_joint")
                         || motion.reason().contains("joint")
                 );
             }

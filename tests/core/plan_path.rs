@@ -220,7 +220,7 @@ fn what_cannot_be_is_refused_by_name() {
     assert!(text.contains("positions only"), "{text}");
     let text =
         refused(PlanSettings { task: Some(Task::POSITION), freedom: gun, ..PlanSettings::default() }, &path);
-    assert!(text.contains("leaves the orientation open"), "{text}");
+    assert!(text.contains("already leaves the orientation free"), "{text}");
     let open = Path::new(&path.poses()[..20], None, None).unwrap();
     let text = refused(PlanSettings { cyclic: true, ..PlanSettings::default() }, &open);
     assert!(text.contains("ends where it begins"), "{text}");

@@ -178,7 +178,7 @@ fn a_path_that_cannot_be_continuous_takes_the_fewest_reconfigurations() {
     assert_eq!(plan.status(), Status::Infeasible);
     assert_eq!(plan.reconfigurations().len(), 1, "{}", plan.reason());
     assert!(
-        plan.reason().contains("it takes one reconfiguration, the first before point"),
+        plan.reason().contains("it needs one reconfiguration, the first before point"),
         "{}",
         plan.reason()
     );

@@ -1,4 +1,4 @@
-//! What the caller did wrong. What the mathematics did is a [`Status`](crate::Status), never an error.
+//! Errors: invalid input. The outcome of a computation on valid input is a [`Status`](crate::Status), never an error.
 
 /// The caller's mistake: it names the thing, the value, the bound and, for names, the valid ones.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,7 +1,7 @@
-//! What to do with a robot arm's spare freedom.
+//! Redundancy resolution for robot arms: configurations, tool orientations and motions along whole paths.
 //!
-//! An arm is redundant when it has more joints than its task needs, or when the task leaves the tool free.
-//! Other libraries tell which configurations exist; this one tells which one to use, along the whole path, and why.
+//! An arm is redundant if it has more joints than its task needs, or if the task leaves the tool partly free. The crate finds
+//! the configurations for a pose and chooses among them along a whole path.
 //!
 //! # Notation
 //! | symbol | meaning | unit |
@@ -9,14 +9,15 @@
 //! | `q`, `qd`, `qdd` | joint positions, velocities, accelerations, base to tip | rad or m, per s, per s^2 |
 //! | `R`, `p` | rotation and position of the tip in the base frame | -, m |
 //! | `J` | geometric Jacobian, linear rows first, base axes at the tip | m, 1 |
-//! | `s` | swivel angle: where the elbow is on its circle | rad |
+//! | `s` | swivel: the angle of the elbow on its circle | rad |
 //! | `n` | unit vector from shoulder to wrist | - |
 //!
 //! # Rooms
-//! Data flows one way; a room uses only rooms to its left:
+//! The modules are called rooms. A room uses only rooms to its left:
 //! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`;
-//! the root files status, error, tolerance, watch and parallel are left of everything.
-//! `Err` is the caller's mistake, [`Status`] is what the mathematics did.
+//! the files status, error, tolerance, watch and parallel at the root may be used everywhere.
+//!
+//! `Err` means invalid input; [`Status`] is the outcome of a computation on valid input.
 //!
 //! # Features
 //! All are on by default; without them the crate needs nalgebra, thiserror, wide and a random generator.

@@ -1,4 +1,4 @@
-//! What the mathematics did.
+//! The outcome of a computation.
 
 use std::fmt;
 use std::str::FromStr;

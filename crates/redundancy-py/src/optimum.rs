@@ -693,7 +693,7 @@ fn start_out_of_reach(chain: &Chain, pose: &Pose, task: Task, seed: u64) -> PyRe
     let result = solver.solve(pose, None, seed).map_err(to_py)?;
     Ok(match result.status {
         Status::Converged | Status::Limits => {
-            (Status::IterationLimit, "no critical point was found over the start of the path".into())
+            (Status::IterationLimit, "no critical point was found for the start of the path".into())
         }
         status => (status, format!("the start of the path: {}", result.reason())),
     })

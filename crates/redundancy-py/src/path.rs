@@ -82,7 +82,7 @@ impl PyPath {
                 return Err(to_py(Error::Invalid(message.into())));
             }
             (None, None, Some(_)) => {
-                let message = "quaternions_wxyz need positions (N, 3) beside them";
+                let message = "quaternions_wxyz need positions (N, 3) as well";
                 return Err(to_py(Error::Invalid(message.into())));
             }
         };

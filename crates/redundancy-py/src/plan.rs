@@ -506,8 +506,9 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 
 /// Plan a whole path: which configuration to use at every point, for any arm and any freedom of the tool.
 ///
-/// Minimises `sum_k D_k (limit_weight L(q_k) + criterion) + motion_weight sum_k |W dq_k|^2 / D_k` over all rows at
-/// once, with `D` the share of the path (of its time, if it has times) and `L` the limit term of docs/planning.md.
+/// Minimises `sum_k D_k (limit_weight L(q_k) + clearance_weight C(q_k) + criterion) + motion_weight sum_k |W dq_k|^2
+/// / D_k` over all rows at once, with `D` the share of the path (of its time, if it has times), and with the terms
+/// `L` of the joint limits and `C` of the clearance as in docs/planning.md.
 ///
 ///     plan = rd.plan(rd.catalog.load("panda"), path)
 ///     plan = rd.plan(gun, path, rd.ToolFreedom(np.deg2rad(20), "free"), tool_speed=0.2)
@@ -518,7 +519,8 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///     freedom: How far the tool may tilt and spin; `None` for the full pose (for the position, on a path of
 ///         positions).
 ///     task: Which coordinates count, by name or as a `Task`, instead of a freedom.
-///     scene: Obstacles; contact is forbidden, between the rows too. Those that move are where the times have them.
+///     scene: Obstacles; contact is forbidden, between the rows too. Moving obstacles are at their positions at the
+///         times of the path.
 ///     links: Shapes of the links, and the pairs that must not touch; without it links are capsules from joint to
 ///         joint.
 ///     self_collision: Whether links must not touch each other. `"auto"`: if `links` has pairs. `True` without
@@ -530,10 +532,11 @@ pub fn read_chain<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyChai
 ///         `speed_weights`, then the motion; needs times).
 ///     motion_weight: Weight of the joint motion. Default 0.5.
 ///     limit_weight: Weight of the distance from the joint limits. Default 1.
-///     clearance_weight: Weight of what is missing from the wanted distance, `sum max(0, 1 - d / wanted)^2` over links and
-///         obstacles. Default 10 000.
-///     wanted_clearance: Distance from the obstacles that is wanted, m. What the freedom cannot change does not count.
-///     link_radius: Radius of the capsules where no `links` are given, m. Default 0.05.
+///     clearance_weight: Weight of the shortfall from the wanted distance, `sum max(0, 1 - d / wanted)^2` over links
+///         and obstacles. Default 10 000.
+///     wanted_clearance: Wanted distance from the obstacles, m; distances that the freedom cannot change do not
+///         count.
+///     link_radius: Radius of the capsules if no `links` are given, m. Default 0.05.
 ///     criterion: Minimised or maximised along the path, according to its sense.
 ///     criterion_weight: Its weight.
 ///     joint_weights: Weight `(n,)` of each joint in the motion. Default 1 (1 m counts as 1 rad).

@@ -300,7 +300,9 @@ impl PyClearance {
 
     fn __float__(&self) -> PyResult<f64> {
         if self.batch {
-            return Err(PyTypeError::new_err("the clearance of several configurations is no number"));
+            return Err(PyTypeError::new_err(
+                "the clearance of several configurations is not a single number",
+            ));
         }
         Ok(self.pairs.first().copied().flatten().map_or(f64::INFINITY, |pair| pair.distance))
     }

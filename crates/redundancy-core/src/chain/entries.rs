@@ -1,4 +1,4 @@
-//! What the entries of the catalogue are written with.
+//! Helpers for the entries of the catalogue.
 
 use nalgebra::{Matrix3, Vector3};
 

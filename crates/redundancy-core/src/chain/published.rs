@@ -1,4 +1,4 @@
-//! Arms of the catalogue whose descriptions their makers, or those who maintain their drivers, publish.
+//! Arms of the catalogue whose descriptions are published by their makers or by the maintainers of their drivers.
 //!
 //! Every function names the repository, the commit that was opened, the file and the licence. Numbers are those of the file;
 //! angles within 1e-5 of a multiple of a right angle are that multiple, so that axes meet and are parallel as they are meant to.

@@ -1,4 +1,4 @@
-//! Questions about units: what a path in millimetres or joints in degrees look like.
+//! Hints at wrong units: paths that seem to be in millimetres, joints that seem to be in degrees.
 
 use nalgebra::Vector3;
 

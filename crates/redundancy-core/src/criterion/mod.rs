@@ -1,4 +1,4 @@
-//! What to do with the freedom: h(q), its gradient and its Hessian.
+//! Criteria, the objectives for the freedom: h(q), its gradient and its Hessian.
 
 mod clearance;
 mod elbow;

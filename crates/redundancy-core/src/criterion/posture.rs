@@ -1,4 +1,4 @@
-//! Squared distance from a wished configuration, to be minimised: `h(q) = 1/2 sum_i w_i (q_i - r_i)^2`.
+//! Squared distance from a reference configuration, to be minimised: `h(q) = 1/2 sum_i w_i (q_i - r_i)^2`.
 
 use super::{JointSpring, Springs};
 use crate::chain::Chain;

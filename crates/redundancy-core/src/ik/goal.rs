@@ -1,4 +1,4 @@
-//! What a configuration is to reach, and how far it is from it, in weighted task coordinates.
+//! The target of a search, and the error of a configuration in weighted task coordinates.
 
 use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 

@@ -1,4 +1,4 @@
-//! From poses to configurations.
+//! Inverse kinematics: from poses to configurations.
 //!
 //! [`IkSolver`] answers for any chain: through the closed form where the arm has one, otherwise numerically from ranked
 //! starts. [`SphericalWristArm`](crate::solutions::SphericalWristArm) is the closed form of six-joint arms with a spherical wrist; that of seven-joint arms is

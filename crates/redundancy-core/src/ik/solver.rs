@@ -1,4 +1,4 @@
-//! A solver that never misses: the closed form where the arm has one, else ranked starts and Levenberg-Marquardt.
+//! Pose IK for any chain: the closed form if the arm has one, otherwise ranked starts and Levenberg-Marquardt.
 //!
 //! 1. Closed form, where the registry ([`closed_form`]) knows one: exact, also about poses that have no answer. Arms with
 //!    small defects are polished by step 3.
@@ -171,7 +171,7 @@ impl IkSettings {
         }
         if self.orientation_set.is_some() && !whole {
             return Err(Error::Invalid(format!(
-                "orientation_set needs the task pose: the task {} leaves orientations free already",
+                "orientation_set needs the task pose: the task {} already leaves orientations free",
                 self.task
             )));
         }
@@ -233,7 +233,7 @@ impl IkResult {
             Status::Limits => {
                 let how = if self.proven { String::new() } else { format!(" by {} starts", self.starts) };
                 format!(
-                    "in reach only outside of the joint limits; within them the nearest pose found{how} is {miss}"
+                    "reachable only outside of the joint limits; within them the nearest pose found{how} is {miss}"
                 )
             }
             other => {

@@ -1,4 +1,4 @@
-//! Starts for the numeric solver: stored configurations, ranked by what is left when the end joints are at their best.
+//! Starts for the numeric solver: stored configurations, ranked by the error that remains with the best end joints.
 //!
 //! The best value of one joint has an analytic answer (the sub-problem of [FromGravdahl2007, section 5]). Applied to the
 //! first and to the last joint of a stored configuration it makes two of the six coordinates of a pose vanish from the

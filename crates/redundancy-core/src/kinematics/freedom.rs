@@ -1,4 +1,4 @@
-//! How far the tool may lean and turn away from the orientation that a path asks for.
+//! How far the tool may tilt and spin away from the orientation of a path.
 
 use nalgebra::{Unit, Vector3};
 

@@ -1,4 +1,4 @@
-//! From joint positions to poses, Jacobians, Hessians and torques, for any number of joints, and the tasks that count them.
+//! From joint positions to poses, Jacobians, Hessians and torques, for any number of joints, and tasks: the coordinates that count.
 
 mod batch;
 mod corrector;

@@ -1,7 +1,7 @@
 //! Every critical point of a criterion over one pose.
 //!
 //! **One spare freedom.** The self-motion is a set of curves. Along each, `mu(s)` and its derivative `W(s)` are
-//! computed at the rows; between two rows the cubic with these values is looked at through its Bernstein coefficients:
+//! computed at the rows; between two rows the cubic with these values is checked through its Bernstein coefficients:
 //! no sign change and well away from zero, no root; one sign change, one root; anything else is halved. Roots are
 //! polished by Newton's method on `[f(q) - x; mu(q)]`. What the criterion of the joint range makes of a joint that
 //! passes half a turn (it jumps to another winding) is no critical point and is not taken for one.
@@ -253,7 +253,7 @@ impl<'a> CriticalPointSearch<'a> {
 
     fn between(&mut self, curve: &SelfMotionCurve, a: Sample, b: Sample, shift: &[f64], depth: usize) {
         const DEPTH: usize = 12;
-        /// Share of the largest Bernstein coefficient below which a cubic without a sign change is looked at closer.
+        /// Share of the largest Bernstein coefficient below which a cubic without a sign change is examined further.
         const CLEAR: f64 = 0.05;
         let h = b.s - a.s;
         if h <= 0.0 {

@@ -517,7 +517,7 @@ impl<'a> Follower<'a> {
                 if steps > FOLLOW_STEPS {
                     // Only next to singularities are steps that short.
                     let kinematic = here.sigma[1] < 1e-3;
-                    let what = "runs along another critical point, too near to be told from it,";
+                    let what = "runs along another critical point, too near to be distinguished from it,";
                     out.stop = Some(if kinematic {
                         Self::singular(&here)
                     } else {

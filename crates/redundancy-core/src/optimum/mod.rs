@@ -1,4 +1,4 @@
-//! What kind of optimum is it, and where does it break.
+//! Critical points of a criterion: their kinds, and how far they can be followed.
 //!
 //! Over one pose a criterion h has critical points, where its derivative along the self-motion vanishes. Schemes that
 //! keep the arm at one, as the extended Jacobian does, follow it along a path until it meets another one and both

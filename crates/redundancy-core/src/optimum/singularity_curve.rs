@@ -117,7 +117,7 @@ impl<'a> SingularitySearch<'a> {
 }
 
 impl SingularityTracer<'_> {
-    /// How many starts have not been looked at.
+    /// How many starts have not been tried.
     pub fn starts(&self) -> usize {
         self.starts.len()
     }

@@ -1,4 +1,4 @@
-//! Paths made of paths: moved, run backwards, joined, sampled anew.
+//! Paths made from paths: moved, reversed, joined, resampled.
 
 use super::path::{Path, arc_length, placed};
 use super::piece::{PathPiece, Shape};

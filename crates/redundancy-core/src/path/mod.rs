@@ -1,4 +1,4 @@
-//! What comes in and what goes out: paths of poses, trajectories of joints.
+//! Paths of poses and trajectories of joints, with their files.
 //!
 //! A [`Path`] is a row of tool poses (or positions) ordered by arc length, with a curve through them; a
 //! [`Trajectory`] is a row of joint positions and velocities over time, with what happened on the way as events.

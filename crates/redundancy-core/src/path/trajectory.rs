@@ -1,4 +1,4 @@
-//! What comes out: joint positions and velocities over time, and what happened on the way.
+//! Trajectories: joint positions and velocities over time, with events.
 
 use std::fmt;
 use std::str::FromStr;

@@ -241,7 +241,7 @@ impl Around {
         }
     }
 
-    /// Distances up to which pairs are looked at, m.
+    /// Distances up to which pairs are checked, m.
     fn seen(&self) -> f64 {
         PLAN_ROOM_SEEN * PLAN_ROOM_SMOOTHING + self.wanted
     }
@@ -287,7 +287,7 @@ impl Around {
         })
     }
 
-    /// Whether obstacles, and links against each other, are looked at.
+    /// Whether obstacles, and links against each other, are checked.
     pub fn looks_at(&self) -> [bool; 2] {
         let pairs: Vec<(Thing, Thing)> = self.moved.pairs().into_iter().chain(self.held.pairs()).collect();
         [pairs.iter().any(|pair| !is_own(pair.0, pair.1)), pairs.iter().any(|pair| is_own(pair.0, pair.1))]

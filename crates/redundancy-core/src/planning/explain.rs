@@ -8,6 +8,7 @@ use super::fill::fill;
 use super::nodes::{Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
 use super::push::Pusher;
+use super::reach::Unreached;
 use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
@@ -27,7 +28,7 @@ use crate::watch::Watch;
 pub(super) fn without_line(
     demand: &Demand,
     nodes: Nodes,
-    unreached: Option<usize>,
+    unreached: Option<Unreached>,
     watch: &Watch,
 ) -> Outcome {
     let empty: Vec<usize> = (0..nodes.rows.len())
@@ -45,18 +46,20 @@ pub(super) fn without_line(
     if let Some(why) = watch.interrupted() {
         return Outcome::Interrupted(None, why);
     }
-    let proof = unreached.map(|row| {
-        format!(
-            "no line exists: whatever the configuration at the start, none of those at point {row} is within one step \
-             of one at point {} that a line can have (exact)",
+    let proof = unreached.map(|Unreached { row, exact }| {
+        let how = if exact { "exact" } else { "arcs of all solutions, sampled every 0.1 rad or m" };
+        let why = format!(
+            "no line exists: no configuration over point {row} is connected with one over point {} that a line from the \
+             start comes to ({how})",
             row - 1
-        )
+        );
+        (why, exact)
     });
     match (with_jumps(demand, nodes, watch), proof) {
-        (Outcome::Jumps { q, jumps, reason, .. }, Some(proof)) => {
-            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven: true }
+        (Outcome::Jumps { q, jumps, reason, .. }, Some((proof, proven))) => {
+            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven }
         }
-        (Outcome::Nothing(_), Some(proof)) => Outcome::Nothing(proof),
+        (Outcome::Nothing(_), Some((proof, _))) => Outcome::Nothing(proof),
         (outcome, _) => outcome,
     }
 }
@@ -93,7 +96,10 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
         if demand.margin == 0.0 || all.proven() {
             let states = super::nodes::states_of(demand, row, all.as_ref(), super::nodes::NODE_SPACING)?;
             return if states.is_empty() {
-                point(Status::Limits, format!("no configuration keeps {} from its limits", demand.margin))
+                point(
+                    Status::Limits,
+                    format!("no configuration keeps {} from the joint limits", demand.margin),
+                )
             } else {
                 let mut contact = Clearest::default();
                 let mut pusher = Pusher::new(demand);
@@ -202,7 +208,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
         let mut search = Search::new(&layers, &nodes);
         for _ in 0..REPEATS {
             let Some((states, jumps)) = search.jumping_line() else {
-                return Outcome::Nothing("the search found no line, with reconfigurations either".into());
+                return Outcome::Nothing("the search found no line, not even with reconfigurations".into());
             };
             if watch.interrupted().is_some() {
                 break;
@@ -221,9 +227,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
     }
     match watch.interrupted() {
         Some(why) => Outcome::Interrupted(None, why),
-        None => Outcome::Nothing(
-            "no continuous line was found, and no line with few reconfigurations either".into(),
-        ),
+        None => Outcome::Nothing("no continuous line was found, nor one with few reconfigurations".into()),
     }
 }
 
@@ -332,7 +336,7 @@ fn assembled(
     let farthest = search.farthest();
     let where_to = match nodes.rows.get(farthest + 1) {
         Some(next) => {
-            format!("no line from the start goes on from point {} to point {next}", nodes.rows[farthest])
+            format!("no line from the start continues from point {} to point {next}", nodes.rows[farthest])
         }
         None => "the steps that were found are not connected".to_owned(),
     };
@@ -349,7 +353,7 @@ fn assembled(
         ),
     };
     let reason =
-        format!("{found} (searched: {} states over each of {} points)", nodes.width(n), nodes.rows.len());
+        format!("{found} (searched: {} states at each of {} points)", nodes.width(n), nodes.rows.len());
     Outcome::Jumps { q, jumps, reason, proven: false }
 }
 
@@ -367,7 +371,7 @@ fn denser(rows: &[usize], layer: usize) -> Vec<usize> {
 const MUCH_DEEPER: f64 = 5e-3;
 /// Random starts of a verdict on a point.
 const STARTS: usize = 1_000;
-/// Most windings that are looked at for each state.
+/// Most windings that are checked for each state.
 const MOST_WINDINGS: f64 = 8.0;
 /// Times that layers are added where a line jumps.
 const DENSER: usize = 12;

@@ -246,16 +246,26 @@ fn exact(demand: &Demand, rows: &[usize], spacing: f64, watch: &Watch) -> Option
 
 /// States on all pieces over a row.
 pub(super) fn states_of(demand: &Demand, row: usize, all: &dyn Solutions, spacing: f64) -> Option<Vec<f64>> {
+    arcs_of(demand, row, all, spacing).map(|arcs| arcs.concat())
+}
+
+/// The same, arc by arc: those that the limits leave of each piece.
+pub(super) fn arcs_of(
+    demand: &Demand,
+    row: usize,
+    all: &dyn Solutions,
+    spacing: f64,
+) -> Option<Vec<Vec<f64>>> {
     let n = demand.dof();
     if let Some(given) = demand.given(row) {
-        return Some(given.to_vec());
+        return Some(vec![given.to_vec()]);
     }
     let margin = demand.margin;
-    let (mut out, mut q, mut tangent) = (Vec::new(), vec![0.0; n], vec![0.0; n]);
+    let (mut arcs, mut q, mut tangent) = (Vec::new(), vec![0.0; n], vec![0.0; n]);
     let mut h = [0.0; MOST_BOUNDS];
     for piece in 0..all.pieces() {
         for [low, high] in all.intervals(piece, margin).ok()? {
-            let mut u = low;
+            let (mut u, mut out) = (low, Vec::new());
             loop {
                 all.q(piece, u, &mut q).ok()?;
                 wind_into(&mut q, demand);
@@ -275,9 +285,10 @@ pub(super) fn states_of(demand: &Demand, row: usize, all: &dyn Solutions, spacin
                 let speed = tangent.iter().map(|t| t * t).sum::<f64>().sqrt();
                 u = (u + spacing / speed.max(f64::MIN_POSITIVE)).min(high);
             }
+            arcs.push(out);
         }
     }
-    Some(out)
+    Some(arcs)
 }
 
 /// A random posture within limits; within half a turn or a metre of the middle where there are none.

@@ -115,7 +115,7 @@ impl Run<'_> {
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
             Some(nodes) => explain::without_line(self.demand, nodes, unreached, self.watch),
-            None => Outcome::Nothing("no point was looked at".into()),
+            None => Outcome::Nothing("no point was searched".into()),
         }
     }
 
@@ -159,7 +159,7 @@ impl Run<'_> {
         let mut seen = Seen::default();
         for round in 0..=AVOIDING {
             let mut lines = Vec::new();
-            // Where every line winds a joint out of its limits, the windings of that joint are looked at one by one.
+            // Where every line winds a joint out of its limits, the windings of that joint are checked one by one.
             for _ in 0..=MOST_WOUND {
                 let mut search = Search::new(&layers, &nodes);
                 seen.places.iter().for_each(|place| search.avoid(place.layer, &place.q, place.radius));

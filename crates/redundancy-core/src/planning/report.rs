@@ -84,12 +84,12 @@ fn of_line(demand: &Demand, path: &Path, line: &Refined, interrupted: Option<Int
     } else if let Some(contact) = contact {
         (Status::Collision, contact)
     } else if !legal {
-        (Status::Infeasible, format!("the best line breaks a limit by {excess:.3e} rad or m"))
+        (Status::Infeasible, format!("the best line violates a limit by {excess:.3e} rad or m"))
     } else if line.converged {
         (Status::Converged, String::new())
     } else {
         let reason = format!(
-            "the refinement ended after {} iterations with a slope of {:.1e} of the largest force",
+            "the refinement ended after {} iterations with a relative gradient of {:.1e}",
             line.iterations, line.slope
         );
         (Status::IterationLimit, reason)

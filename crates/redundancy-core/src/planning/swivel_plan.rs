@@ -14,7 +14,7 @@
 //! # Method
 //! 1. Dynamic programming over the periodic grid points x swivels, all branches and windings. A step that is faster than
 //!    the joints may be does not exist. A reconfiguration costs more than any path, so there are as few as possible.
-//! 2. The chosen line is refined in a tube around itself, whose width shrinks: no staircase of grid cells remains.
+//! 2. The chosen line is refined in a shrinking tube around itself, which removes the staircase left by the grid.
 //!
 //! Between its points the line is clear of obstacles too, when the joints go straight: see `SwivelProblem::edge_is_clear`.
 //!

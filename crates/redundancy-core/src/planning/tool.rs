@@ -84,9 +84,9 @@ impl ToolTask {
             task.map_or(if oriented { TaskKind::Pose } else { TaskKind::Position }, |task| task.kind());
         if !freedom.is_none() && kind != TaskKind::Pose {
             let why = if oriented {
-                format!("the task '{kind}' leaves the orientation open already")
+                format!("the task '{kind}' already leaves the orientation free")
             } else {
-                "the path has positions only, so that there is no tool axis to lean or spin about".to_owned()
+                "the path has positions only, so there is no tool axis to tilt or spin about".to_owned()
             };
             return Err(Error::Invalid(format!("freedom does not apply: {why}")));
         }

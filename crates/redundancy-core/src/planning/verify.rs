@@ -1,7 +1,7 @@
 //! What holds between the rows of a line.
 //!
 //! The motion is the trajectory through its rows, which is a cubic from row to row. On a grid ten times finer than the rows
-//! its position limits are looked at; whether something touches is proven on straight parts of it. Whether a step stays on one piece of the solutions is seen in its middle: there the straight
+//! its position limits are checked; whether something touches is proven on straight parts of it. Whether a step stays on one piece of the solutions is seen in its middle: there the straight
 //! joint motion is off the task by the square of the step, and what brings it back is a small part of the step. Where
 //! the rows are on different pieces, it is as long as the step itself.
 

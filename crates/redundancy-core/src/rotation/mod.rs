@@ -1,4 +1,4 @@
-//! Orientations and sets of them; no robot in here.
+//! Orientations and sets of orientations, without a robot.
 //!
 //! Pointing, spraying, welding and polishing leave the tool partly free. This room makes that freedom a set with a
 //! margin and finds the best orientation in it.

@@ -33,12 +33,26 @@ use crate::tolerance::{
 
 /// Draws without a member before a set counts as empty.
 pub const SET_DRAWS: usize = 200_000;
-/// Rounds of alternating projections.
-const ROUNDS: usize = 100;
+/// How closely projections arrive.
+struct Accuracy {
+    /// Rounds of alternating projections.
+    rounds: usize,
+    /// Motion of a round below which they have arrived, rad.
+    still: f64,
+    /// Tolerance of membership.
+    member: f64,
+    /// Gain below which a step along an edge is made shorter, rad.
+    gain: f64,
+    /// Step at which the way along an edge ends, rad.
+    shortest: f64,
+}
+const ROUGH: Accuracy = Accuracy { rounds: 30, still: 1e-4, member: 1e-3, gain: 1e-3, shortest: 1e-3 };
+const CLOSE: Accuracy =
+    Accuracy { rounds: 100, still: SET_STILL, member: SET_MEMBER, gain: SET_EDGE, shortest: SET_SHORTEST };
 /// Steps along an edge.
 const EDGE_STEPS: usize = 40;
 /// Places on the edges, the nearest ones, from which these are followed.
-const EDGES: usize = 8;
+const EDGES: usize = 6;
 
 /// A set of orientations.
 ///
@@ -176,7 +190,7 @@ impl OrientationSet {
             }
             if misses == SET_DRAWS {
                 return Err(Error::Invalid(format!(
-                    "no member of the set among {SET_DRAWS} draws: it is empty, or too small beside its parts to be drawn"
+                    "no member of the set among {SET_DRAWS} draws: it is empty, or much smaller than its parts"
                 )));
             }
         }
@@ -285,25 +299,42 @@ fn nearest_common(parts: &[QuaternionVolume], q: &UnitQuaternion<f64>) -> Option
     if let Some(p) = alone.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q))) {
         return Some(*p);
     }
-    let mut found: Vec<_> = starts(q, singles).iter().filter_map(|start| projected(parts, start)).collect();
-    found.sort_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)));
-    // Those on the same piece of an edge would end at the same place.
+    let nearest = |from: &[UnitQuaternion<f64>]| {
+        let mut order = from.to_vec();
+        order.sort_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)));
+        order
+    };
+    // Roughly from many starts; those on the same piece of an edge would end at the same place.
+    let found: Vec<_> = (starts(q, &singles).iter()).filter_map(|p| projected(parts, p, &ROUGH)).collect();
+    let mut ends: Vec<UnitQuaternion<f64>> = Vec::new();
+    for p in distinct(&nearest(&found), EDGES) {
+        ends.push(along_the_edge(parts, p, q, &ROUGH));
+    }
+    // Closely from the best of them, and from the nearest members of single parts.
+    let mut last = distinct(&nearest(&ends), 2);
+    last.extend(std::iter::once(q).chain(&singles));
+    let members = last.iter().filter_map(|p| projected(parts, p, &CLOSE));
+    let ends = members.map(|p| along_the_edge(parts, p, q, &CLOSE));
+    ends.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)))
+}
+
+/// The first ones of a list that are apart.
+fn distinct(list: &[UnitQuaternion<f64>], most: usize) -> Vec<UnitQuaternion<f64>> {
     let mut apart: Vec<UnitQuaternion<f64>> = Vec::new();
-    for p in found {
-        if apart.len() < EDGES && apart.iter().all(|other| rotation_angle(other, &p) > SET_APART) {
-            apart.push(p);
+    for p in list {
+        if apart.len() < most && apart.iter().all(|other| rotation_angle(other, p) > SET_APART) {
+            apart.push(*p);
         }
     }
-    let ends = apart.into_iter().map(|p| along_the_edge(parts, p, q));
-    ends.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)))
+    apart
 }
 
 /// Where the projections begin: at `q`, at the nearest members of the single parts and at rotations of `q` about the
 /// diagonals of a cube in steps over half a turn. Opposite of a cone all of its rim is as near as any point of it, so that
 /// the projections may lead nowhere from `q` itself; the first step is next to it.
-fn starts(q: &UnitQuaternion<f64>, singles: Vec<UnitQuaternion<f64>>) -> Vec<UnitQuaternion<f64>> {
+fn starts(q: &UnitQuaternion<f64>, singles: &[UnitQuaternion<f64>]) -> Vec<UnitQuaternion<f64>> {
     let mut all = vec![*q];
-    all.extend(singles);
+    all.extend_from_slice(singles);
     for angle in [SET_BESIDE, 0.7, 1.4, 2.1, 2.8] {
         for signs in 0..8 {
             let side = |axis: usize| if signs >> axis & 1 == 0 { angle } else { -angle };
@@ -328,24 +359,29 @@ fn moved(from: &UnitQuaternion<f64>, by: &Vector3<f64>) -> UnitQuaternion<f64> {
 }
 
 /// Dykstra's alternating projections from `start`, in rotation vectors about it; `None` where they find no common member.
-fn projected(parts: &[QuaternionVolume], start: &UnitQuaternion<f64>) -> Option<UnitQuaternion<f64>> {
+fn projected(
+    parts: &[QuaternionVolume],
+    start: &UnitQuaternion<f64>,
+    accuracy: &Accuracy,
+) -> Option<UnitQuaternion<f64>> {
     let mut x = Vector3::zeros();
     let mut corrections = vec![Vector3::zeros(); parts.len()];
-    for round in 0..ROUNDS {
+    let inside = |p: &UnitQuaternion<f64>| parts.iter().all(|part| part.contains(p, accuracy.member));
+    for round in 0..accuracy.rounds {
         let before = x;
         for (part, correction) in parts.iter().zip(&mut corrections) {
             // Far from convex the corrections may lead astray: in the second half they are left out.
-            let y: Vector3<f64> = if round < ROUNDS / 2 { x + *correction } else { x };
+            let y: Vector3<f64> = if round < accuracy.rounds / 2 { x + *correction } else { x };
             x = way(start, &part.nearest(&moved(start, &y)));
             *correction = y - x;
         }
         let p = moved(start, &x);
-        if (x - before).norm() <= SET_STILL && parts.iter().all(|part| part.contains(&p, SET_MEMBER)) {
+        if (x - before).norm() <= accuracy.still && inside(&p) {
             return Some(p);
         }
     }
     let p = moved(start, &x);
-    parts.iter().all(|part| part.contains(&p, SET_MEMBER)).then_some(p)
+    inside(&p).then_some(p)
 }
 
 /// From a common member to one from which no other along the boundaries is nearer to `q`.
@@ -353,23 +389,24 @@ fn along_the_edge(
     parts: &[QuaternionVolume],
     mut p: UnitQuaternion<f64>,
     q: &UnitQuaternion<f64>,
+    accuracy: &Accuracy,
 ) -> UnitQuaternion<f64> {
     let mut longest = SET_STEP;
     for _ in 0..EDGE_STEPS {
         let distance = rotation_angle(&p, q);
-        if longest < SET_SHORTEST || distance < SET_SHORTEST {
+        if longest < accuracy.shortest || distance < accuracy.shortest {
             break;
         }
         let share = (longest / distance).min(0.5);
-        let near = projected(parts, &moved(&p, &(way(&p, q) * share)));
+        let near = projected(parts, &moved(&p, &(way(&p, q) * share)), accuracy);
         // The step along the edge is the share of what is left of it.
         let stretched = near.and_then(|near| {
             let step = way(&p, &near) / share;
-            projected(parts, &moved(&p, &(step * (SET_STRETCH / step.norm()).min(1.0))))
+            projected(parts, &moved(&p, &(step * (SET_STRETCH / step.norm()).min(1.0))), accuracy)
         });
         let candidates = [near, stretched].into_iter().flatten();
         let best = candidates.min_by(|a, b| rotation_angle(a, q).total_cmp(&rotation_angle(b, q)));
-        match best.filter(|best| rotation_angle(best, q) < distance - SET_EDGE) {
+        match best.filter(|best| rotation_angle(best, q) < distance - accuracy.gain) {
             Some(best) => p = best,
             None => longest *= 0.1,
         }

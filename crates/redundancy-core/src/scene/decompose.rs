@@ -85,7 +85,7 @@ fn compute(mesh: &TriangleMesh) -> Result<Vec<Arc<Hull>>> {
     let work: f64 = mesh.faces().iter().map(cells).sum();
     if work > MAX_WORK {
         return Err(Error::OutOfRange {
-            what: format!("work to decompose a mesh of {} triangles", mesh.faces().len()),
+            what: format!("work of decomposing a mesh of {} triangles", mesh.faces().len()),
             value: work,
             bound: format!("<= {MAX_WORK:e} cells; take its hull, or a simpler mesh"),
         });

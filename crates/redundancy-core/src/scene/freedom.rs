@@ -1,4 +1,4 @@
-//! Which distances a freedom changes.
+//! Which distances a freedom can change.
 //!
 //! An arm that keeps its task moves in the null space of the task's Jacobian. Pairs whose distance does not change in it, at none
 //! of a few seeded configurations, are held by the task: a hand whose pose is given, a link that is round about an axis
@@ -14,7 +14,7 @@ use super::surroundings::Surroundings;
 use crate::kinematics::{Kinematics, NullSpace, Scratch, Task};
 use crate::tolerance::HELD_SLOPE;
 
-/// Configurations that are looked at.
+/// Configurations that are checked.
 const SAMPLES: usize = 16;
 
 /// The pairs that the freedom of a task can move, and those that it cannot. Without any freedom, and where obstacles move, all

@@ -25,9 +25,9 @@ pub(super) struct Inner {
     pub bodies: Vec<Body>,
     /// Links that a joint connects, sorted.
     pub neighbours: Vec<[usize; 2]>,
-    /// Pairs of links that must not touch; `None` where they were never asked for.
+    /// Pairs of links that must not touch; `None` if they were never computed.
     pub pairs: Option<Vec<[usize; 2]>>,
-    /// Pairs that are not looked at, and why.
+    /// Pairs that are not checked, and why.
     pub left_out: Vec<([usize; 2], Reason)>,
 }
 
@@ -65,7 +65,7 @@ impl LinkGeometry {
     }
 
     /// With one more shape, in the frame `at` of a link: a tool, a hose, a camera. The link is one of the geometry or of the
-    /// chain. Where pairs are looked at, those of a link that had no shape are found.
+    /// chain. Where pairs are checked, those of a link that had no shape are found.
     ///
     /// # Errors
     /// An unknown link, numbers that are not finite; a half-space or a mesh that counts triangle by triangle.
@@ -125,7 +125,7 @@ impl LinkGeometry {
         let frame = chain.link(link)?;
         if frame.joints_before == 0 {
             return Err(Error::Invalid(format!(
-                "link '{}' is part of the base, nothing moves it",
+                "link '{}' is part of the base and does not move",
                 frame.name
             )));
         }
@@ -162,7 +162,7 @@ impl LinkGeometry {
         self.inner.pairs.as_deref().unwrap_or_default()
     }
 
-    /// Pairs of links that are not looked at, and why; of links that stand still against each other none is listed.
+    /// Pairs of links that are not checked, and why; of links that stand still against each other none is listed.
     pub fn left_out(&self) -> &[([usize; 2], Reason)] {
         &self.inner.left_out
     }
@@ -196,7 +196,7 @@ impl LinkGeometry {
 
     /// With pairs that are found: links that a joint connects, links that touch in nearly all of a number of seeded
     /// configurations, and links that never come near each other are left out. `go_on` is asked now and then with the share that
-    /// is done; where it ends the search, what was not seen to touch is looked at.
+    /// is done; where it ends the search, what was not seen to touch is checked.
     ///
     /// # Errors
     /// None for a geometry of this chain.
@@ -213,7 +213,7 @@ impl LinkGeometry {
         Ok(self.with_found(pairs::find_of_capsules(chain, &self.to_find())))
     }
 
-    /// The pairs that are not looked at as an SRDF file has them.
+    /// The pairs that are not checked as an SRDF file has them.
     pub fn to_srdf(&self, robot: &str) -> String {
         pairs::to_srdf(robot, &self.to_find(), self.left_out())
     }

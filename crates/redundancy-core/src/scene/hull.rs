@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 /// Grid cells along the extent.
 const GRID_BITS: i32 = 40;
-/// Points for which every vertex is looked at: climbing costs as much.
+/// Points for which every vertex is checked: climbing costs as much.
 const FEW: usize = 12;
 /// Directions of the table: a cube's faces in cells.
 const CELLS: usize = 4;

@@ -98,8 +98,9 @@ impl Scene {
         };
         let pairs: Option<Vec<[String; 2]>> =
             pairs.as_array().map(|list| list.iter().map(pair).collect()).unwrap_or(None);
-        scene
-            .with_allowed(pairs.ok_or_else(|| Error::Invalid("allowed is no list of pairs of names".into()))?)
+        scene.with_allowed(
+            pairs.ok_or_else(|| Error::Invalid("allowed is not a list of pairs of names".into()))?,
+        )
     }
 
     /// The scene as JSON text, as [`Scene::from_json`] reads it. Meshes are written with their triangles.
@@ -222,7 +223,7 @@ fn word_of(map: &Map<String, Value>, key: &str) -> Result<Option<String>> {
 fn triple(value: &Value, what: &str) -> Result<[f64; 3]> {
     let list = value.as_array().map(|list| list.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>());
     let list = list.flatten().and_then(|list| <[f64; 3]>::try_from(list).ok());
-    list.ok_or_else(|| Error::Invalid(format!("{what} is no list of 3 numbers")))
+    list.ok_or_else(|| Error::Invalid(format!("{what} is not a list of 3 numbers")))
 }
 
 fn number(map: &Map<String, Value>, key: &str) -> Result<f64> {

@@ -1,4 +1,4 @@
-//! What is in the way: obstacles, the body of the arm, and how far they are from each other.
+//! Obstacles, the shapes of an arm's links, and the distances between them.
 //!
 //! [`Scene`] holds obstacles, [`LinkGeometry`] the shapes of the links and the pairs of links that must not touch;
 //! [`Surroundings`] puts them together and implements [`Proximity`]: distances and gradients for a configuration, and whether

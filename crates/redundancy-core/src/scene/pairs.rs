@@ -19,7 +19,7 @@ use crate::joint_space::TURN;
 use crate::kinematics::Scratch;
 use crate::tolerance::{PAIRS_ALWAYS, PAIRS_NEVER};
 
-/// Configurations that are looked at to find pairs, and for capsules.
+/// Configurations that are checked to find pairs, and for capsules.
 const SAMPLES: usize = 10_000;
 const CAPSULE_SAMPLES: usize = 1_000;
 /// Most pairs times configurations, beyond the least number of these.
@@ -27,14 +27,14 @@ const MAX_WORK: usize = 50_000_000;
 /// Between two calls of the monitor.
 const BLOCK: usize = 256;
 
-/// Why a pair is not looked at.
+/// Why a pair is not checked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
     /// A joint connects them.
     Adjacent,
     /// They touch in nearly all configurations.
     Always,
-    /// They come near each other in none of those that were looked at.
+    /// They come near each other in none of those that were checked.
     Never,
     /// They touch in the middle of the joints' ranges (capsules only).
     Default,

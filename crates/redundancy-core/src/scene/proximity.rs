@@ -2,7 +2,7 @@
 //!
 //! [`Proximity`] is what planners, criteria and velocity schemes ask. Its pairs are links against obstacles, links against
 //! links, and what a link carries against both. Bounding volumes come first: pairs whose capsules are further apart than is
-//! asked for are not looked at. With its memory at hand nothing allocates.
+//! asked for are not checked. With its memory at hand nothing allocates.
 //!
 //! The distance d of two things changes with joint k by `n . (v_first - v_second)`, the velocities of both at the nearest
 //! point per unit of joint k, n the unit vector between them: where the nearest points are on their surfaces does not count.

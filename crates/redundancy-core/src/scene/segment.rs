@@ -59,7 +59,7 @@ pub(crate) fn to_solids(
     best.unwrap_or_else(none)
 }
 
-/// The obstacles of a scene beside segments that are looked at many times.
+/// The obstacles of a scene beside segments that are queried many times.
 #[derive(Debug, Clone)]
 pub(crate) struct SegmentObstacles {
     /// Shapes and their velocities.

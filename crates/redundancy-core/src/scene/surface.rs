@@ -1,4 +1,4 @@
-//! Triangles as they are: the distance of a convex shape from a mesh that is not convex.
+//! The distance of a convex shape from the triangles of a mesh that is not convex.
 //!
 //! A tree of boxes around triangles is searched nearest first, so that few of them are asked. Apart the distance is exact.
 //! Where triangles are touched the depth is that of the deepest of them: the shape has to move at least so far, maybe

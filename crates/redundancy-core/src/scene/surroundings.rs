@@ -128,7 +128,7 @@ impl Surroundings {
         self.inner.pairs.is_empty() && self.inner.beside.iter().all(Vec::is_empty)
     }
 
-    /// What a point of the arm moves at most per joint, of the bodies that are looked at, m.
+    /// What a point of the arm moves at most per joint, of the bodies that are checked, m.
     pub(crate) fn reach(&self) -> Vec<f64> {
         let inner = &*self.inner;
         let mut reach = vec![0.0f64; inner.chain.dof()];
@@ -154,7 +154,7 @@ impl Surroundings {
         Self { inner: Arc::new(inner) }
     }
 
-    /// All pairs that are looked at.
+    /// All pairs that are checked.
     pub fn pairs(&self) -> Vec<(Thing, Thing)> {
         let inner = &*self.inner;
         let mut out: Vec<(Thing, Thing)> = inner

@@ -143,7 +143,7 @@ impl SelfMotionCurve {
         events
     }
 
-    /// The configuration at parameter `s`, exactly on the curve. A closed curve goes on from its start (with the whole
+    /// The configuration at parameter `s`, exactly on the curve. A closed curve continues from its start (with the whole
     /// turns that it has made); an open one ends.
     ///
     /// # Errors

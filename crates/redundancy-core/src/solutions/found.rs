@@ -65,9 +65,9 @@ impl Origin {
                     let (lower, upper) = (joint.limits.lower, joint.limits.upper);
                     let unit = if joint.kind.is_rotational() { "rad" } else { "m" };
                     let name = &joint.name;
-                    format!("; at best joint '{name}' is {miss:.6} {unit} outside [{lower:.6}, {upper:.6}]")
+                    format!("; even the best leaves joint '{name}' {miss:.6} {unit} outside [{lower:.6}, {upper:.6}]")
                 });
-                format!("no {what} found from {starts} starts holds all joint limits{least}")
+                format!("no {what} found from {starts} starts is within all joint limits{least}")
             }
             _ => format!("each {what} was found from one of {starts} starts: there may be others"),
         }
@@ -79,7 +79,7 @@ impl Origin {
 pub struct TracedCurves {
     origin: Origin,
     curves: Vec<SelfMotionCurve>,
-    /// Feasible arcs without margin, in lengths of the curves, computed when first asked for.
+    /// Feasible arcs without margin, in lengths of the curves, computed on first use.
     arcs: OnceLock<Vec<Vec<[f64; 2]>>>,
 }
 

@@ -1,4 +1,4 @@
-//! A straight move in joint space: timed, checked, returned only where it touches nothing.
+//! A straight move in joint space: timed, checked, and returned only if there is no contact.
 
 use super::check::{CheckAgainst, CheckSettings, FindingKind, check};
 use super::retime::{RetimeSettings, retime};

@@ -1,4 +1,4 @@
-//! When to be where: the largest constant speed, the fastest profile along a path, times for joint paths, and whether a
+//! Timing: the largest constant speed, the fastest profile along a path, times for joint paths, and whether a
 //! trajectory can be run.
 
 mod check;

@@ -16,7 +16,7 @@ use crate::kinematics::Kinematics;
 use crate::scene::{Contact, Proximity, ProximityMemory, Surroundings, Thing, Visitor};
 use crate::tolerance::{CONTACT_HORIZON, CONTACT_SLOPE};
 
-/// Most pairs that are looked at in one step.
+/// Most pairs that are checked in one step.
 pub(super) const MOST_PAIRS: usize = 64;
 
 /// How a velocity step keeps its distance.

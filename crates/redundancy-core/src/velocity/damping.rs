@@ -1,4 +1,4 @@
-//! Damped least squares with a factor of its own for each singular value [Bettini2000, section 4.3].
+//! Damped least squares with a separate factor for each singular value [Bettini2000, section 4.3].
 //!
 //! ```text
 //! 1/sigma -> sigma / (sigma^2 + lambda(sigma)^2)

@@ -1,4 +1,4 @@
-//! Extended Jacobian: the freedom is bound by the condition that the criterion stays stationary [Park1996, eq. (5)].
+//! Extended Jacobian: the freedom is used to keep the criterion stationary [Park1996, eq. (5)].
 //!
 //! With N an orthonormal basis of ker J and `mu = N^T grad h`, whose derivative for a basis that is carried along is
 //! `N^T L dq` (see the module `stationarity`):

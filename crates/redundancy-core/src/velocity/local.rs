@@ -1,4 +1,4 @@
-//! What every scheme computes first: the task's Jacobian and velocity and the wish of the criterion, at one q.
+//! What every scheme computes first: the task's Jacobian and velocity and the gradient step of the criterion, at one q.
 
 use std::sync::Arc;
 

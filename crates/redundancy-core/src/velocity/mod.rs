@@ -1,4 +1,4 @@
-//! From task velocity to joint velocity: one step in, one step out, nothing allocated.
+//! From task velocity to joint velocity, step by step, without allocation.
 //!
 //! | scheme | joint velocity | limits |
 //! |---|---|---|

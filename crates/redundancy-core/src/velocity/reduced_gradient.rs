@@ -353,7 +353,7 @@ impl ReducedGradient {
         complement(&mut self.rows, columns.len(), M, &mut self.null);
     }
 
-    /// `out` for the wish `eta` and the task velocity `v`, mixed with that of the basis before while a change lasts.
+    /// `out` for the desired velocity `eta` and the task velocity `v`, mixed with that of the basis before while a change lasts.
     fn blended<const M: usize>(&mut self, minor: &Minor<M>, v: &[f64; M], out: &mut [f64]) {
         let mut work = std::mem::take(&mut self.work[0]);
         self.combine(&self.basis.current, minor, v, out, &mut work);

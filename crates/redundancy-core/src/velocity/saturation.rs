@@ -1,7 +1,7 @@
-//! Hard limits: the task is scaled only when it must be, and the freedom serves the limits before the criterion.
+//! Hard limits: the task is scaled only if necessary; the freedom is used for the limits first, then for the criterion.
 //!
 //! The optimal form of saturation in the null space [Flacco2015, section V]: find the largest `s` in [0, 1] for which some
-//! joint velocity has `J qd = s v` within its bounds, and among those the one nearest to the wish `eta`. The iterative
+//! joint velocity has `J qd = s v` within its bounds, and among those the one nearest to the desired velocity `eta`. The iterative
 //! schemes of [Flacco2012] reach it often, but not always; here both problems are solved exactly, see the module
 //! `box_projection`.
 //!
@@ -119,7 +119,7 @@ impl SaturatedNullspace {
         }
         let n = chain.dof();
         let Gain::Constant(gain) = gain.validate()? else {
-            return Err(Error::Invalid("the saturated scheme takes a constant gain".into()));
+            return Err(Error::Invalid("SaturatedNullspace needs a constant gain, not 'optimal'".into()));
         };
         Ok(Self {
             local: Local::new(chain, criterion, task)?,
@@ -208,7 +208,7 @@ impl SaturatedNullspace {
         Ok(report)
     }
 
-    /// The null space with the wish in it, and the least joint velocity of the task; returns the degrees of redundancy.
+    /// The null space with the desired velocity in it, and the least joint velocity of the task; returns the degrees of redundancy.
     #[inline(always)]
     fn split_freedom<const M: usize>(&mut self, factor: &Factor<M>, v: &[f64; M], lost: bool) -> usize {
         let (n, columns) = (self.local.chain.dof(), self.local.columns::<M>());
@@ -237,7 +237,7 @@ impl SaturatedNullspace {
         r
     }
 
-    /// The largest scale of the task that the bounds allow, and the closest joint velocity to the wish at that scale.
+    /// The largest scale of the task that the bounds allow, and the joint velocity closest to the desired one at that scale.
     #[inline(always)]
     fn limited<const M: usize>(
         &mut self,

@@ -1,4 +1,4 @@
-//! Schemes that see one step of the path at a time.
+//! Schemes that consider one step of the path at a time.
 
 mod contact;
 mod swivel_flow;

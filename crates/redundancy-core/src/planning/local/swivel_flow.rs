@@ -2,9 +2,9 @@
 //!
 //! # The paper's form
 //! `tau s' = lambda tanh(s_des - s) + (1 - lambda) F_obst` [Moore2010, eqs (30)-(32)]. `F_obst` has the sign of
-//! `d(s + eps) - d(s - eps)` and the size `k / |d|`, with d the distance from the obstacles. Kept as printed, to be
-//! compared with: the force is weak deep inside an obstacle, its sign chatters, tanh does not see that s is an angle, and
-//! neither limits nor the obstacle's own motion count. It gets trapped.
+//! `d(s + eps) - d(s - eps)` and the size `k / |d|`, with d the distance from the obstacles. It is kept as printed for
+//! comparison: the force is weak deep inside an obstacle, its sign chatters, tanh does not take into account that s is an angle,
+//! joint limits and the obstacle's own motion are not considered, and the swivel can get trapped.
 //!
 //! # The robust form
 //! ```text
@@ -12,16 +12,15 @@
 //! F_obst = (dd/ds / |dd/ds|) ((d_act - d) / (d_act - d_safe))^2  for d < d_act, smooth at dd/ds = 0
 //! ```
 //! and the two other forces push along the slope of the sines of the gimbals and of the distance from the joint limits.
-//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: where on the link the nearest point is). With the rate before, the new
-//! one is smoothed, and the swivel does not turn round for next to nothing, beside an obstacle not for a sum that is small
-//! against `l2 F_obst`: the balance of wish and obstacle goes to and fro with the path, and following all of that gains
-//! nothing. A barrier
-//! then asks for `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion. What the step would reach is
-//! checked: where it is too near to an obstacle, the nearest swivel within the rate limit that keeps the distance is
-//! taken, or the one that keeps most of it; where it breaks a joint limit, the step ends before it.
+//! `dd/ds = grad d . mu rho w'(s)` is analytic (mu: position of the nearest point along the link). If the previous rate is
+//! given, the new one is smoothed, and the swivel does not reverse for a negligible gain, nor, beside an obstacle, for a sum that
+//! is small against `l2 F_obst`: the balance of desired swivel and obstacle oscillates along the path, and following all of
+//! that gains nothing. A barrier then requires `dd/ds s' + dd/dt >= -gamma (d - d_safe)`, where dd/dt is the obstacle's own motion.
+//! The configuration after the step is checked: if it is too near to an obstacle, the nearest swivel within the rate limit that
+//! keeps the distance is taken, or the one that keeps most of it; if it violates a joint limit, the step ends before it.
 //!
-//! Even so it decides locally: it can be led into a dead end from which only the other way round the obstacle
-//! leads out. [`plan_swivel`](super::plan_swivel) sees the whole path.
+//! It still decides locally: it can reach a dead end that can be avoided only by passing the obstacle on the other side.
+//! [`plan_swivel`](super::plan_swivel) considers the whole path.
 
 use std::f64::consts::PI;
 
@@ -89,13 +88,13 @@ pub struct SwivelFlowSettings {
     pub self_collision: bool,
     /// Time constant, s.
     pub tau: f64,
-    /// Share of the wish in the paper's form; the obstacle has the rest.
+    /// Share of the desired swivel in the paper's form; the obstacle has the rest.
     pub lambda: f64,
     /// The paper's k: force at one metre.
     pub gain: f64,
     /// The paper's epsilon: half the difference step, rad.
     pub epsilon: f64,
-    /// Robust form: shares of wish, obstacle, singularity and limits; they add up to one.
+    /// Robust form: shares of desired swivel, obstacle, singularity and limits; they add up to one.
     pub weights: [f64; 4],
     /// Robust form: largest rate, rad/s.
     pub max_rate: f64,
@@ -183,7 +182,7 @@ impl SwivelFlowSettings {
 /// let ball = Sphere { center: Vector3::new(0.28, -0.35, 0.48), radius: 0.06 };
 /// let flow = SwivelFlow::new(&arm, &Scene::new(&[ball.into()])?, SwivelFlowSettings::default())?;
 /// let step = flow.step(&Pose::translation(0.45, 0.0, 0.5), 0.0, -1.0, 0.01, 0.0, &FlowState::default())?;
-/// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the wish, at most 3 rad/s
+/// assert!(step.swivel < 0.0 && step.swivel > -0.031); // towards the desired swivel, at most 3 rad/s
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -199,7 +198,7 @@ pub struct SwivelFlow {
 pub struct FlowState {
     /// The joints: the robust form then holds their speed limits too where it can, and windings go on.
     pub q: Option<[f64; 7]>,
-    /// The rate of the swivel, rad/s ([`FlowStep::rate`]): the robust form then goes on smoothly.
+    /// The rate of the swivel, rad/s ([`FlowStep::rate`]): the robust form then continues smoothly.
     pub rate: Option<f64>,
 }
 
@@ -220,10 +219,10 @@ pub struct FlowStep {
     pub corrected: bool,
 }
 
-/// Swivels that are looked at within the rate limit when the step comes too near to an obstacle or breaks a limit.
+/// Swivels that are checked within the rate limit when the step comes too near to an obstacle or breaks a limit.
 const LOOK_AROUND: usize = 32;
 
-/// Halvings of the way from there back to the wished step.
+/// Halvings of the way from there back to the desired step.
 const BISECTIONS: usize = 8;
 
 impl SwivelFlow {
@@ -281,7 +280,7 @@ impl SwivelFlow {
         let motion = self.arm.self_motion(pose)?;
         if !motion.in_reach() {
             let question = self.question(pose);
-            return Err(Error::Invalid(format!("no swivel over this pose: {}{question}", motion.reason())));
+            return Err(Error::Invalid(format!("no swivel for this pose: {}{question}", motion.reason())));
         }
         let here = FlowPose::new(self, &motion, pose, t, before.q.map(|q| (q, dt)), before.rate);
         Ok(match self.settings.form {
@@ -355,8 +354,9 @@ impl SwivelFlow {
         }
         if !step.within_limits && run.outside.is_none() {
             run.outside = Some(row);
-            let message =
-                format!("no swivel within reach of one step holds the joint limits at t = {t:.3} s");
+            let message = format!(
+                "no swivel that can be reached in one step is within the joint limits at t = {t:.3} s"
+            );
             run.events.push(Event { kind: EventKind::JointLimit, index: row, t, s: at, message });
         }
         run.q.push(step.q);
@@ -382,7 +382,7 @@ impl SwivelFlow {
         let legal = faults.is_empty();
         if let Some(FastStep { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
-            let message = format!("joint '{name}' turns at {used:.2} times its speed limit");
+            let message = format!("joint '{name}' moves at {used:.2} times its speed limit");
             let (t, s) = (times[row], run.s[row]);
             run.events.push(Event { kind: EventKind::Limit, index: row, t, s, message });
             run.events.sort_by_key(|event| event.index);
@@ -482,7 +482,7 @@ impl SwivelFlow {
         question.map_or_else(String::new, |question| format!("; {question}"))
     }
 
-    /// What went wrong on the way.
+    /// What went wrong.
     fn faults(&self, run: &FlowRows, times: &[f64]) -> Vec<String> {
         let mut faults = Vec::new();
         if let Some(d) = run.clearance.first().filter(|d| **d < 0.0) {
@@ -498,7 +498,7 @@ impl SwivelFlow {
         if let Some(FastStep { used, joint, row }) = run.fastest {
             let name = &self.arm.chain().joints()[joint].name;
             let t = times[row];
-            faults.push(format!("joint '{name}' turns at {used:.2} times its speed limit at t = {t:.3} s"));
+            faults.push(format!("joint '{name}' moves at {used:.2} times its speed limit at t = {t:.3} s"));
         }
         faults
     }
@@ -714,7 +714,7 @@ impl<'a> FlowPose<'a> {
         self.unless_turning(best, s, dt, held, true)
     }
 
-    /// The same, or standing still where it would turn round for next to nothing and standing is no worse.
+    /// The same, or standing still where it would reverse for a negligible gain and standing is no worse.
     fn unless_turning(&self, step: FlowCandidate, s: f64, dt: f64, held: bool, corrected: bool) -> FlowStep {
         let rate = (step.s - s) / dt;
         let (before, mut out) = (self.rate.unwrap_or(0.0), step);

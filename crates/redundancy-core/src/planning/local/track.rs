@@ -278,7 +278,7 @@ impl TrackRows {
         let mut builder = PlanBuilder::new(trajectory, status);
         if let Some(contact) = contact {
             let column = |i: usize| contact.rows.iter().map(|row| row[i]).collect::<Vec<f64>>();
-            // A kind of pair that is not looked at is infinitely far away everywhere.
+            // A kind of pair that is not checked is infinitely far away everywhere.
             for (i, values) in [column(0), column(1)].into_iter().enumerate() {
                 if values.iter().any(|d| d.is_finite()) {
                     builder = if i == 0 { builder.clearance(values) } else { builder.self_clearance(values) };
@@ -422,17 +422,17 @@ impl EventLog {
             self.push(EventKind::KinematicSingularity, "the Jacobian has lost rank".into());
         }
         if report.algorithmic && !self.algorithmic {
-            let message = "the condition of the optimum has lost rank".into();
+            let message = "the condition for the optimum has lost rank".into();
             self.push(EventKind::AlgorithmicSingularity, message);
         }
         let scaled = report.scale < 1.0;
         if scaled && !self.scaled {
-            self.push(EventKind::Scaled, format!("the task is slowed down to {:.4}", report.scale));
+            self.push(EventKind::Scaled, format!("the task velocity is scaled by {:.4}", report.scale));
         }
         let bound = resolver.speed_bound();
         if let Some(bound) = bound.filter(|_| !self.bounded) {
             let message = format!(
-                "the motion of the freedom is scaled to {:.3}: joint '{}' would exceed {:.3} per s{}",
+                "the null-space motion is scaled by {:.3}: joint '{}' would exceed {:.3} per s{}",
                 bound.scale,
                 self.names[bound.joint],
                 bound.speed,

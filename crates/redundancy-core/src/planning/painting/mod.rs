@@ -1,4 +1,4 @@
-//! The spray gun: rules for the tool's orientation, and the orientation that lets it go fastest.
+//! The spray gun: rules for the tool's orientation, and the orientation that allows the highest speed.
 
 #[cfg(feature = "plan")]
 mod convex;

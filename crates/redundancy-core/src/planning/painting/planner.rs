@@ -1,4 +1,4 @@
-//! What the search for a plan of tilt and spin knows, and what it passes on.
+//! The data of the search for a plan of tilt and spin.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize};

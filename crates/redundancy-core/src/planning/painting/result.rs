@@ -1,4 +1,4 @@
-//! What a plan of tilt and spin is, and what allows no higher speed.
+//! A plan of tilt and spin, and what limits its speed.
 
 use crate::path::Plan;
 

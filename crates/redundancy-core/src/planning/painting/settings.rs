@@ -1,4 +1,4 @@
-//! What a plan of tilt and spin is asked for.
+//! Settings of a plan of tilt and spin.
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -1,4 +1,4 @@
-//! Starts of the search: branches of the arm x spin angles and turns x leans, as far as they can be followed.
+//! Starts of the search: branches of the arm x spin angles and turns x tilts, as far as they can be followed.
 
 use std::sync::atomic::Ordering;
 

@@ -1,4 +1,4 @@
-//! A candidate evaluated anew on a grid at least five times finer than its samples.
+//! Evaluation of a candidate on a grid at least five times finer than its samples.
 
 use nalgebra::{Const, SVector};
 

@@ -287,7 +287,7 @@ fn polygons(
             }
         }
         if total % layout.stride != 0 {
-            return Err(bad(format!("{total} indices are no multiple of {} for each corner", layout.stride)));
+            return Err(bad(format!("{total} indices are not a multiple of {} per corner", layout.stride)));
         }
         Ok(corners.clone())
     };
@@ -296,7 +296,7 @@ fn polygons(
         match tag {
             "triangles" => {
                 if corners.len() % 3 != 0 {
-                    return Err(bad(format!("{} corners are no multiple of 3", corners.len())));
+                    return Err(bad(format!("{} corners are not a multiple of 3", corners.len())));
                 }
                 for triangle in corners.chunks_exact(3) {
                     push_fan(faces, triangle)?;

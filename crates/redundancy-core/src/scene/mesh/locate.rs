@@ -20,7 +20,7 @@ const VARIABLES: [(&str, &str); 2] = [("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_P
 pub fn locate(name: &str, home: Option<&Path>, package_dirs: &[PathBuf]) -> Result<PathBuf> {
     let missing = |message: String| Error::File { file: name.into(), message };
     if name.contains('\0') {
-        return Err(missing("the name of the file has a zero byte".into()));
+        return Err(missing("the file name contains a zero byte".into()));
     }
     let mut candidates: Vec<PathBuf> = Vec::new();
     if let Some(rest) = strip(name, "package://").or_else(|| strip(name, "model://")) {
@@ -56,7 +56,11 @@ pub fn locate(name: &str, home: Option<&Path>, package_dirs: &[PathBuf]) -> Resu
         Some(found) => Ok(candidates.swap_remove(found)),
         None => {
             let places: Vec<String> = candidates.iter().map(|path| path.display().to_string()).collect();
-            let hint = if package_dirs.is_empty() { "; is package_dirs missing?" } else { "" };
+            let hint = if package_dirs.is_empty() {
+                "; give the folder that contains the package as package_dirs (--package-dir)"
+            } else {
+                ""
+            };
             Err(missing(format!("no such file; searched: {}{hint}", places.join(", "))))
         }
     }

@@ -71,7 +71,7 @@ fn element(
 fn index(word: &str, count: usize) -> Result<u32> {
     let bad = |why: &str| Error::Invalid(format!("'{}' {why}", shown(word)));
     let first = word.split('/').next().unwrap_or_default();
-    let given: i64 = first.parse().map_err(|_| bad("is no vertex index"))?;
+    let given: i64 = first.parse().map_err(|_| bad("is not a vertex index"))?;
     let index = if given < 0 { count as i64 + given } else { given - 1 };
     if index < 0 || index >= count as i64 {
         return Err(bad(&format!("is not one of the {count} vertices so far")));

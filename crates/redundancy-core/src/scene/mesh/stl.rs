@@ -26,7 +26,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw> {
             let actual = bytes.len();
             Err(Error::Invalid(format!("its {count} triangles take {needed} bytes, but it has {actual}")))
         }
-        _ => Err(Error::Invalid(format!("no STL: it has only {} bytes", bytes.len()))),
+        _ => Err(Error::Invalid(format!("not an STL file: it has only {} bytes", bytes.len()))),
     }
 }
 

@@ -40,7 +40,7 @@ pub(super) fn foot_at(
 /// Says which joint does not turn; `None` when all do.
 pub(super) fn not_turning(chain: &Chain) -> Option<String> {
     let joint = chain.joints().iter().find(|j| !j.kind.is_rotational())?;
-    Some(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()))
+    Some(format!("joint '{}' is {}, all joints must be revolute", joint.name, joint.kind.as_str()))
 }
 
 /// The point nearest to three lines (least squares); `None` where they are parallel.

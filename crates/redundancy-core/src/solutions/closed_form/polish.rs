@@ -1,4 +1,4 @@
-//! What the idealisation of an arm leaves of a pose, removed by Newton's method.
+//! Newton's method removes the pose error that remains from the idealisation of an arm.
 
 use crate::chain::Chain;
 use crate::kinematics::{Corrector, Task};

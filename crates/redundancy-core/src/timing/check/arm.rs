@@ -1,4 +1,4 @@
-//! What the arm says about the motion: torques, and configurations near a singularity.
+//! Checks that need the arm: torques, and configurations near a singularity.
 
 use super::finding::FindingKind;
 use super::settings::CheckSettings;
@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::kinematics::{DynamicsScratch, NullSpace, Scratch};
 use crate::path::Trajectory;
 
-/// Places of an interval at which torques are looked at.
+/// Places of an interval at which torques are checked.
 const PLACES: [f64; 3] = [0.0, 0.5, 1.0];
 
 /// Torques in the intervals `from..to`.

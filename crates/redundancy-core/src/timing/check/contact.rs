@@ -72,7 +72,7 @@ pub(super) fn collisions(
     Ok(out)
 }
 
-/// Intervals and times at which the arm is looked at: every row, and between rows so that no joint moves by more than
+/// Intervals and times at which the arm is checked: every row, and between rows so that no joint moves by more than
 /// [`CHECK_CONTACT_STEP`] in between.
 fn places(trajectory: &Trajectory) -> Vec<(usize, f64)> {
     let (n, t, q) = (trajectory.dof(), trajectory.t(), trajectory.q());

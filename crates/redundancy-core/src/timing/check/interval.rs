@@ -7,7 +7,7 @@ use crate::path::Trajectory;
 
 /// Degree of the polynomials.
 const DEGREE: usize = 5;
-/// Places at which a polynomial is looked at whose bound exceeds a limit.
+/// Places at which a polynomial is checked whose bound exceeds a limit.
 const PLACES: usize = 64;
 
 /// Coefficients by powers of `u`.

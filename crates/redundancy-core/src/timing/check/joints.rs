@@ -1,4 +1,4 @@
-//! What the rows say about each joint: limits between the rows, jumps, whole turns, rest at the ends.
+//! Checks of each joint: limits between the rows, jumps, whole turns, rest at the ends.
 
 use super::finding::FindingKind;
 use super::interval::{derivative, leaves, position};
@@ -201,7 +201,10 @@ pub(super) fn rest(chain: &Chain, trajectory: &Trajectory, settings: &CheckSetti
             let mut add = |value: f64, bound: f64, part: usize, what: String| {
                 let owner = Owner { part, ..Owner::joint(FindingKind::NotAtRest, j) };
                 let end = if row == 0 { "first" } else { "last" };
-                let message = format!("joint '{}' {what} at the {end} row, {row}", joint.name);
+                let message = format!(
+                    "joint '{}' {what} in the {end} row (row {row}), where it must be at rest",
+                    joint.name
+                );
                 let (weight, t) = (value.abs(), t[row]);
                 out.push(Spot { owner, cell: row, row, t, value, bound, weight, message: Some(message) });
             };

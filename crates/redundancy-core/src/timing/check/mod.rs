@@ -1,4 +1,4 @@
-//! A linter for joint trajectories: whether an arm can run what a file says.
+//! Checks of a joint trajectory before an arm runs it.
 //!
 //! # What is judged
 //! The trajectory is what [`Trajectory::sample`](crate::path::Trajectory::sample) makes of its rows. Positions, velocities,
@@ -123,15 +123,10 @@ fn backwards(t: &[f64]) -> Vec<Spot> {
 
 /// Times before the start, and rows too close to each other.
 fn times(t: &[f64]) -> Vec<Spot> {
-    let early = t.first().filter(|t| **t < 0.0).map(|t| {
-        time(
-            0,
-            *t,
-            *t,
-            0.0,
-            format!("the time of row 0 is {t} s: a motion cannot start before it is started"),
-        )
-    });
+    let early = t
+        .first()
+        .filter(|t| **t < 0.0)
+        .map(|t| time(0, *t, *t, 0.0, format!("the time of row 0 is {t} s, it must not be negative")));
     let close = (1..t.len()).filter(|k| t[*k] - t[*k - 1] < CHECK_LEAST_INTERVAL).map(|k| {
         let gap = t[k] - t[k - 1];
         let message = format!(

@@ -1,4 +1,4 @@
-//! What a trajectory is checked against.
+//! Settings of a check.
 
 use nalgebra::Vector3;
 

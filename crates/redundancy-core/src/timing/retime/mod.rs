@@ -142,7 +142,7 @@ fn at_equal_intervals(
     }
     let least = motion.duration();
     Err(Error::CannotFollow(format!(
-        "rows every {dt} s do not carry a motion of {least:.6} s within the limits: choose a smaller dt"
+        "a motion of {least:.6} s with rows every {dt} s cannot keep the limits: choose a smaller dt"
     )))
 }
 
@@ -235,9 +235,9 @@ fn solve(
         }
     }
     let Some((mut motion, worst)) = best else {
-        return Err(Error::Invalid("the path cannot be timed: no law was found".into()));
+        return Err(Error::Invalid("no times within the limits were found for the path".into()));
     };
-    // Between the places that were looked at the motion may be a little faster still.
+    // Between the places that were checked the motion may be a little faster still.
     let factor = worst * (1.0 + UNSEEN);
     if factor > 1.0 {
         motion.slow_down(factor);
@@ -249,7 +249,7 @@ fn solve(
 const REPAIRS: usize = 4;
 /// Excess that is left to the even slowing down: it costs as much time.
 const GOOD_ENOUGH: f64 = 2e-4;
-/// Relative excess between the places that were looked at.
+/// Relative excess between the places that were checked.
 const UNSEEN: f64 = 1e-5;
 
 fn second_order(

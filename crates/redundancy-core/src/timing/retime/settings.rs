@@ -1,4 +1,4 @@
-//! What a retimed motion must respect.
+//! Settings of `retime`.
 
 use nalgebra::Vector3;
 

@@ -7,10 +7,10 @@ use crate::error::{Error, Result};
 use crate::kinematics::{DynamicsScratch, Scratch};
 use crate::tolerance::{RETIME_DWELL, TORQUE_LEFT};
 
-/// Places of an interval at which the limits are looked at, ends included.
+/// Places of an interval at which the limits are checked, ends included.
 const PLACES: usize = 20;
 
-/// Places of a whole stretch at which they are looked at, at least.
+/// Places of a whole stretch at which they are checked, at least.
 const PLACES_IN_ALL: usize = 2_000;
 
 /// What kind of limit binds.
@@ -78,7 +78,7 @@ impl NodeLimits {
             let (k, j) = (i / stretch.n, i % stretch.n);
             if gravity.abs() >= limits[j] * (1.0 - TORQUE_LEFT) {
                 return Err(Error::CannotFollow(format!(
-                    "joint '{}' needs {:.4} N m at node {k} to hold the arm alone, its torque limit is {}",
+                    "joint '{}' needs {:.4} N m at node {k} to hold the arm at rest, its torque limit is {}",
                     chain.joints()[j].name,
                     gravity.abs(),
                     limits[j]

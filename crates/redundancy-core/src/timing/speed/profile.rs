@@ -81,8 +81,8 @@ impl SpeedTerms {
             let [low, high] = reach[k + 1];
             rows.push([gap, 1.0, high]);
             rows.push([-gap, -1.0, -low]);
-            let most = extreme_speed(&rows, true).ok_or_else(|| held(k, "the path cannot be passed"))?;
-            let least = extreme_speed(&rows, false).ok_or_else(|| held(k, "the path cannot be passed"))?;
+            let most = extreme_speed(&rows, true).ok_or_else(|| held(k, "the path cannot be followed"))?;
+            let least = extreme_speed(&rows, false).ok_or_else(|| held(k, "the path cannot be followed"))?;
             reach[k] = [least, most];
         }
         // The end's own rows, at rest or at its speed.

@@ -1,4 +1,4 @@
-//! What bounds the speed of a tool.
+//! The limits that bound the speed of a tool.
 
 use nalgebra::Vector3;
 

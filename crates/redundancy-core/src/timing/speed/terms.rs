@@ -87,7 +87,7 @@ impl SpeedTerms {
         let Some((_, i)) = worst else { return Ok(()) };
         let (k, j) = (i / self.n, i % self.n);
         Err(Error::CannotFollow(format!(
-            "joint '{}' needs {:.4} N m at point {k} to hold the arm alone, its torque limit is {}",
+            "joint '{}' needs {:.4} N m at point {k} to hold the arm at rest, its torque limit is {}",
             chain.joints()[j].name,
             self.weights[i].abs(),
             limits[j]

@@ -1,4 +1,4 @@
-//! The way back through a search, and states of the grid by their place on a line.
+//! Backtracking through a search, and the states of the grid along a line.
 
 use super::grid::{BranchCosts, GridLayer, GridState, JUMP, NONE, SwivelGrid, WayBack};
 use super::problem::SwivelLine;

@@ -226,7 +226,7 @@ impl ArmClearance {
         self.moved.is_empty() && self.held.is_empty()
     }
 
-    /// Prepares a pose; distances beyond `beyond` need not be told apart. `None` where the two links are not plain.
+    /// Prepares a pose; distances beyond `beyond` need not be exact. `None` where the two links are not plain.
     pub fn over(&self, pose: &Pose, t: f64, beyond: f64) -> Option<OverPose> {
         let plain = self.plain.as_ref()?;
         let shoulder = self.arm.shoulder();
@@ -284,7 +284,7 @@ impl ArmClearance {
         })
     }
 
-    /// Distances at a configuration, by its kinematics; beyond `beyond` they are not told apart.
+    /// Distances at a configuration, by its kinematics; beyond `beyond` they are not exact.
     fn at_q(&self, q: &[f64], t: f64, wanted: f64, beyond: f64) -> Near {
         with_scratch(&self.arm, |scratch| {
             let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
@@ -308,7 +308,7 @@ impl ArmClearance {
         })
     }
 
-    /// Whether obstacles, and links against each other, are looked at.
+    /// Whether obstacles, and links against each other, are checked.
     pub fn looks_at(&self) -> [bool; 2] {
         let own = |pair: &(Thing, Thing)| matches!(pair, (Thing::Link(_), Thing::Link(_)));
         let pairs: Vec<(Thing, Thing)> = self.moved.pairs().into_iter().chain(self.held.pairs()).collect();

@@ -1,4 +1,4 @@
-//! What became of a plan of the swivel, and why: points without a configuration, limits, reconfigurations.
+//! The outcome of a swivel plan and its reason: points without a configuration, limits, reconfigurations.
 
 use super::clearance::Near;
 use super::problem::{SwivelLine, SwivelProblem};
@@ -30,7 +30,7 @@ pub(in crate::planning) struct SwivelOutcome {
     blocked: Vec<BlockedPoint>,
     /// Distance from the obstacles at each row; none without a scene.
     clearance: Option<Vec<f64>>,
-    /// Distance of links from each other at each row; none where they are not looked at.
+    /// Distance of links from each other at each row; none where they are not checked.
     self_clearance: Option<Vec<f64>>,
     cost: Option<f64>,
 }
@@ -172,7 +172,7 @@ impl SwivelProblem<'_> {
             let times =
                 if count == 1 { "one reconfiguration".into() } else { format!("{count} reconfigurations") };
             let reason =
-                format!("no continuous solution: it takes {times}, the first before point {k} ({miss})");
+                format!("no continuous solution: it needs {times}, the first before point {k} ({miss})");
             (Status::Infeasible, reason)
         } else {
             (Status::Converged, String::new())
@@ -268,7 +268,7 @@ impl SwivelProblem<'_> {
         let (first, second) = (o.arm.moved.name(near.first), o.arm.moved.name(near.second));
         let depth = -1e3 * near.gap.distance;
         let (this, that) = (word(near.first), word(near.second));
-        Some(format!("at best {this} '{first}' is {depth:.3} mm deep in {that} {second}"))
+        Some(format!("even at best {this} '{first}' is {depth:.3} mm deep in {that} {second}"))
     }
 
     /// The outcome when obstacles cover every configuration within the limits of some points.
@@ -302,7 +302,12 @@ impl SwivelProblem<'_> {
                     && miss < best.0
                 {
                     let name = &self.arm.chain().joints()[i].name;
-                    best = (miss, format!("at best joint '{name}' is {miss:.6} rad outside its limits"));
+                    best = (
+                        miss,
+                        format!(
+                            "even the best configuration leaves joint '{name}' {miss:.6} rad outside its limits"
+                        ),
+                    );
                 }
             }
         }
@@ -339,8 +344,8 @@ impl SwivelProblem<'_> {
             return format!("the arm would touch an obstacle between points {} and {k}", k - 1);
         }
         if self.obstacles.is_some() {
-            return "every way on ends at a joint limit or at an obstacle".into();
+            return "every continuation ends at a joint limit or at an obstacle".into();
         }
-        "every way on ends at a joint limit".into()
+        "every continuation ends at a joint limit".into()
     }
 }

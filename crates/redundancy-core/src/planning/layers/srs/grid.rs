@@ -8,7 +8,7 @@ use super::problem::SwivelProblem;
 use crate::joint_space::{TURN, turned};
 use crate::kinematics::Scratch;
 
-/// Swivels that are looked at together.
+/// Swivels that are computed together.
 pub(super) const LANES: usize = 8;
 /// Offsets up to which a step may end in every cell; beyond, in every fifth more.
 const DENSE: usize = 10;

@@ -1,4 +1,4 @@
-//! What the arm keeps a distance from along a path, and whether it is clear of it between the points.
+//! Distances from obstacles along a path, and whether the arm is clear between the points.
 
 use super::clearance::{ArmClearance, Around, Near, OverPose};
 use super::settings::SwivelPlanSettings;
@@ -8,7 +8,7 @@ use crate::path::Path;
 use crate::scene::SweepMemory;
 use crate::solutions::{SelfMotion, SrsArm};
 
-/// Distance (m) from obstacles beyond which distances need not be told apart, at least.
+/// Distance (m) from obstacles beyond which distances need not be exact, at least.
 const CLEARANCE_BEYOND: f64 = 0.05;
 
 /// What the arm keeps a distance from along the path.
@@ -17,7 +17,7 @@ pub(super) struct SceneAlongPath {
     /// The times of the points; 0 where the path has none.
     pub times: Vec<f64>,
     over: Vec<Option<OverPose>>,
-    /// The wanted clearance, and the distance beyond which others are not told apart, m.
+    /// The wanted clearance, and the distance beyond which others are not exact, m.
     reach: (f64, f64),
 }
 

@@ -1,4 +1,4 @@
-//! What a plan of the swivel is about: the circles over the points, limits, windings, obstacles, and what all that costs.
+//! The problem of a swivel plan: the circles of the points, limits, windings, obstacles, and what all that costs.
 
 use std::f64::consts::PI;
 
@@ -218,7 +218,7 @@ impl<'a> SwivelProblem<'a> {
         self.settings.limit_weight * nearness * nearness
     }
 
-    /// Cost of the distance from a wished swivel.
+    /// Cost of the distance from the desired swivel.
     #[inline(always)]
     pub fn wish_cost(&self, k: usize, s: f64) -> f64 {
         let SwivelChoice::Near(wish) = &self.settings.choice else { return 0.0 };

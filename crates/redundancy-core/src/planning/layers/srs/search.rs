@@ -21,7 +21,7 @@ const BLOCK: usize = 64;
 const MANY_CODES: usize = 16;
 /// Most states of the first point from which a closed line is tried.
 const CLOSED_STARTS: usize = 12;
-/// Searches after which steps between all points are looked at, not only those that were found to touch.
+/// Searches after which steps between all points are checked, not only those that were found to touch.
 const LAZY_SEARCHES: usize = 8;
 /// Part of the work that is done when the last point is reached; the rest is the refinement.
 const SEARCH_SHARE: f64 = 0.9;
@@ -90,7 +90,7 @@ impl BestWays {
         !self.live.is_empty()
     }
 
-    /// The dearest that could still be bettered in each cell.
+    /// The most expensive state that could still be improved in each cell.
     #[inline(always)]
     fn dearest(&self) -> [f64; LANES] {
         let mut most = [f64::NEG_INFINITY; LANES];

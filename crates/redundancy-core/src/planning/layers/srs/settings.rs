@@ -1,4 +1,4 @@
-//! What a plan of the swivel is asked for.
+//! Settings of a swivel plan.
 
 use crate::error::{Error, Result, check_finite, check_length};
 use crate::scene::{LinkGeometry, Scene};
@@ -32,7 +32,7 @@ pub struct SwivelPlanSettings {
     pub limit_weight: f64,
     /// Weight of the joint motion.
     pub motion_weight: f64,
-    /// Weight of the distance from a wished swivel.
+    /// Weight of the distance from the desired swivel.
     pub swivel_weight: f64,
     /// Largest joint speeds, rad/s; used when the path has times. `None` is off.
     pub velocity_limits: Option<Vec<f64>>,

@@ -1,4 +1,4 @@
-//! A line of the grid as a smooth one: dynamic programming in a tube around it, whose width shrinks.
+//! Refinement of a line of the grid: dynamic programming in a shrinking tube around it.
 
 use super::problem::{SwivelLine, SwivelProblem};
 use crate::joint_space::{TURN, nearest, nearest_all};

@@ -41,7 +41,7 @@ pub struct PandaMotion {
     /// The curves of the wrist.
     pub(super) sheets: Vec<Sheet>,
     miss: Option<Miss>,
-    /// Feasible arcs without margin, computed when first asked for.
+    /// Feasible arcs without margin, computed on first use.
     arcs: OnceLock<Vec<Arcs>>,
     /// Why the verdict is not exact.
     not_proven: OnceLock<Option<String>>,
@@ -125,10 +125,10 @@ impl PandaMotion {
             }
             let proof = Proof::new(&self.arm.inner, &self.target);
             if !proof.curves() {
-                return Some("two curves touch, or all but do: there may be one more, or one less".into());
+                return Some("two curves touch, or nearly so: there may be one more, or one less".into());
             }
             let missed = self.status() == Status::Limits && !proof.nothing_within_limits();
-            missed.then(|| "limits are all but met: an arc may have been missed".into())
+            missed.then(|| "limits are nearly met: an arc may have been missed".into())
         });
         reason.as_deref()
     }
@@ -232,7 +232,7 @@ impl PandaMotion {
         }
         let joint = &inner.chain.joints()[miss.1];
         format!(
-            "no curve of the self-motion holds all joint limits; at best joint '{}' is {:.6} rad outside [{:.6}, {:.6}]",
+            "no curve of the self-motion is within all joint limits; even the best point leaves joint '{}' {:.6} rad outside [{:.6}, {:.6}]",
             joint.name, miss.0, joint.limits.lower, joint.limits.upper
         )
     }

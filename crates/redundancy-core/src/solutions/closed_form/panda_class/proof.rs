@@ -22,7 +22,7 @@ use crate::tolerance::{PROOF_MARGIN, PROOF_SHORTEST};
 
 /// Parts of a ring at first.
 const PARTS: usize = 32;
-/// Most parts that are looked at.
+/// Most parts that are checked.
 const MOST_PARTS: usize = 100_000;
 
 /// Sinusoids `c[0] + c[1] cos + c[2] sin`.

@@ -575,7 +575,7 @@ impl ParallelAxesArm {
         let (least, most) = ((a - b).abs(), (a + b).min(TURN - a - b));
         let turn = angles.iter().map(|c| (least - c).max(c - most)).fold(f64::INFINITY, f64::min);
         if base.miss == 0.0 && turn > 0.0 {
-            let what = "joint 5 would have to turn axis 6 farther against axes 2 to 4 than it can, by";
+            let what = "joint 5 cannot turn axis 6 far enough relative to axes 2 to 4, by";
             return (format!("{what} {:.6} mrad", 1e3 * turn), 0.0);
         }
         let distance = self.branches(target, &self.inner.free, &mut [[0.0; 6]; 8]).miss;
@@ -595,7 +595,7 @@ impl ParallelAxesArm {
         let [b, c, d, f] = [1, 2, 3, 5].map(|i| &joints[i].name);
         if found.height.iter().any(|height| *height <= SINGULAR_WRIST_SINE) {
             return Some(format!(
-                "the last axis is along those of '{b}', '{c}' and '{d}', or all but: '{f}' may take more than one value"
+                "the last axis is parallel to those of '{b}', '{c}' and '{d}', or nearly so: '{f}' may take more than one value"
             ));
         }
         // Where joint 5 turns back it is known to the root of the rounding, which may bring the elbow out of its reach.
@@ -618,7 +618,7 @@ impl ParallelAxesArm {
         }
         let joint = &chain.joints()[best.1];
         format!(
-            "no branch holds all joint limits; at best joint '{}' is {:.6} rad outside [{:.6}, {:.6}]",
+            "no branch is within all joint limits; even the best leaves joint '{}' {:.6} rad outside [{:.6}, {:.6}]",
             joint.name, best.0, joint.limits.lower, joint.limits.upper
         )
     }

@@ -17,7 +17,7 @@ use crate::status::Status;
 pub struct ParallelAxesConfigurations {
     /// `Converged`, `Unreachable`, or `Limits` (in reach, but no branch within the joint limits).
     pub status: Status,
-    /// Why there is none within the limits, with the number; empty when there is one.
+    /// Why there is none within the limits, and by how much; empty when there is one.
     pub reason: String,
     /// How far the wrist is from what shoulder and elbow reach, m; 0 in reach, and where it is joint 5 that does not reach.
     pub distance: f64,
@@ -36,7 +36,7 @@ pub struct ParallelAxesConfigurations {
 }
 
 impl ParallelAxesArm {
-    /// Every configuration over `pose` within the limits; where there is none, the reason and the number.
+    /// Every configuration over `pose` within the limits; if there is none, the reason with the numbers.
     ///
     /// # Errors
     /// A pose that is not rigid or finite.
@@ -62,7 +62,7 @@ impl ParallelAxesArm {
         } else {
             let Defect { position, orientation } = self.defect();
             Some(format!(
-                "the verdict is that of an ideal arm, {position:.1e} m and {orientation:.1e} rad away"
+                "the verdict is that of an ideal arm, from which this one deviates by {position:.1e} m and {orientation:.1e} rad"
             ))
         };
         let (arm, pose) = (self.clone(), *pose);

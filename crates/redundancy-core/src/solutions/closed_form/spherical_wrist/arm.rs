@@ -75,7 +75,7 @@ struct Inner {
 pub struct Configurations {
     /// `Converged`, `Unreachable`, or `Limits` (in reach, but no branch within the joint limits).
     pub status: Status,
-    /// Why there is none within the limits, with the number; empty when there is one.
+    /// Why there is none within the limits, and by how much; empty when there is one.
     pub reason: String,
     /// Distance of the wrist centre from the nearest point that it can reach, m; 0 in reach.
     pub distance: f64,
@@ -296,7 +296,7 @@ impl SphericalWristArm {
         Ok([wrist.im, angle(2), angle(4)].map(|x| if x < 0.0 { -1 } else { 1 }))
     }
 
-    /// Every configuration over `pose` within the limits; where there is none, the reason and the number.
+    /// Every configuration over `pose` within the limits; if there is none, the reason with the numbers.
     ///
     /// # Errors
     /// A pose that is not rigid or finite.
@@ -548,7 +548,7 @@ impl SphericalWristArm {
         }
         let joint = &chain.joints()[best.1];
         format!(
-            "no branch holds all joint limits; at best joint '{}' is {:.6} rad outside [{:.6}, {:.6}]",
+            "no branch is within all joint limits; even the best leaves joint '{}' {:.6} rad outside [{:.6}, {:.6}]",
             joint.name, best.0, joint.limits.lower, joint.limits.upper
         )
     }

@@ -63,7 +63,11 @@ impl WristGeometry {
             return not_wrist(format!("'{}' has {} joints, 6 are needed", chain.name(), chain.dof()));
         }
         if let Some(joint) = chain.joints().iter().find(|j| !j.kind.is_rotational()) {
-            return not_wrist(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()));
+            return not_wrist(format!(
+                "joint '{}' is {}, all joints must be revolute",
+                joint.name,
+                joint.kind.as_str()
+            ));
         }
         let (lines, home) = AxisLine::axes(chain)?;
         let (wrist, [z4, z5, z6]) = spherical(&lines[3..], 4).or_else(not_wrist)?;

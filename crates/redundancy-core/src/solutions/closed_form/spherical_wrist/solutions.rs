@@ -35,7 +35,7 @@ impl Configurations {
         if !self.arm.exact() {
             let Defect { position, orientation } = self.arm.defect();
             return Some(format!(
-                "the verdict is that of an ideal arm, {position:.1e} m and {orientation:.1e} rad away"
+                "the verdict is that of an ideal arm, from which this one deviates by {position:.1e} m and {orientation:.1e} rad"
             ));
         }
         let joints = self.arm.chain().joints();
@@ -47,7 +47,7 @@ impl Configurations {
         }
         let (a, c) = (&joints[3].name, &joints[5].name);
         self.at_gimbal()
-            .then(|| format!("the wrist is at its gimbal: '{a}' and '{c}' may share their sum in any way"))
+            .then(|| format!("the wrist is at its gimbal: only the sum of '{a}' and '{c}' is determined"))
     }
 
     /// A branch, with joint 1 at `first` where it is free.

@@ -31,7 +31,7 @@ pub struct SelfMotion {
     pub(super) arm: SrsArm,
     pub(super) circle: ElbowCircle,
     reach: Reach,
-    /// Feasible arcs without margin, computed when first asked for.
+    /// Feasible arcs without margin, computed on first use.
     arcs: OnceLock<Arcs>,
 }
 
@@ -104,7 +104,7 @@ impl SelfMotion {
             });
         }
         match SrsArm::reach_reason(self.reach) {
-            Some((_, reason)) => Err(Error::Invalid(format!("no branch over this pose: {reason}"))),
+            Some((_, reason)) => Err(Error::Invalid(format!("no branch for this pose: {reason}"))),
             None => Ok(Branch { motion: self, index }),
         }
     }
@@ -222,7 +222,7 @@ impl SelfMotion {
         }
         let joint = &self.arm.chain().joints()[best.1];
         format!(
-            "no swivel of any branch holds all joint limits; at best joint '{}' is {:.6} rad outside [{:.6}, {:.6}]",
+            "no swivel of any branch is within all joint limits; even the best leaves joint '{}' {:.6} rad outside [{:.6}, {:.6}]",
             joint.name, best.0, joint.limits.lower, joint.limits.upper
         )
     }

@@ -87,7 +87,11 @@ impl Geometry {
             return not_srs(format!("'{}' has {} joints, 7 are needed", chain.name(), chain.dof()));
         }
         if let Some(joint) = chain.joints().iter().find(|j| !j.kind.is_rotational()) {
-            return not_srs(format!("joint '{}' is {}, all must turn", joint.name, joint.kind.as_str()));
+            return not_srs(format!(
+                "joint '{}' is {}, all joints must be revolute",
+                joint.name,
+                joint.kind.as_str()
+            ));
         }
         let (lines, home) = AxisLine::axes(chain)?;
         let (shoulder, shoulder_axes) = spherical(&lines[..3], 1).or_else(not_srs)?;

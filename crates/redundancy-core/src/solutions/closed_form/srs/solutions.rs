@@ -39,7 +39,7 @@ impl SelfMotion {
         if !self.arm.exact() {
             let Defect { position, orientation } = self.arm.defect();
             return Some(format!(
-                "the verdict is that of an ideal arm, {position:.1e} m and {orientation:.1e} rad away"
+                "the verdict is that of an ideal arm, from which this one deviates by {position:.1e} m and {orientation:.1e} rad"
             ));
         }
         if self.status() == Status::Unreachable {
