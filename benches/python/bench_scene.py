@@ -110,7 +110,7 @@ def plans() -> None:
     path, scene = raster(), primitives()
     iiwa = rd.SrsArm(rd.catalog.load("iiwa14"))
     with tempfile.TemporaryDirectory() as folder:
-        lumps = build(Path(folder), 100)
+        lumps = build(Path(folder), vertices=100, radius=0.05, over=0.0)
     status: dict[str, str] = {}
 
     def job(name: str, arm: rd.SrsArm, **options: Any) -> Callable[[int], object]:

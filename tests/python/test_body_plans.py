@@ -52,12 +52,12 @@ class Bodied(NamedTuple):
     pairs: list[tuple[int, int]]
 
 
-def build(folder: Path, vertices: int = 40) -> Bodied:
-    """An S-R-S arm whose links are lumps; its files are written to a folder."""
+def build(folder: Path, vertices: int = 40, radius: float = 0.055, over: float = 0.03) -> Bodied:
+    """An S-R-S arm whose links are lumps, longer by `over` at both ends; its files are written to a folder."""
     rng = np.random.default_rng(3)
     text, names, hulls = ['<robot name="lumps"><link name="base"/>'], ["base"], []
     for k, ((axis, offset), length) in enumerate(zip(JOINTS, LENGTHS, strict=True), start=1):
-        points = blob(rng, np.array([0.055, 0.055, 0.5 * length + 0.03]), vertices)
+        points = blob(rng, np.array([radius, radius, 0.5 * length + over]), vertices)
         (folder / f"link{k}.obj").write_text(as_obj(points))
         xyz = {"z": "0 0 1", "y": "0 1 0", "-y": "0 -1 0"}[axis]
         text.append(
