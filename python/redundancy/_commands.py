@@ -174,6 +174,37 @@ def _reach(chain: rd.Chain) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
+# --- bodies -----------------------------------------------------------------------------------------------
+
+SceneOption = Annotated[
+    File | None,
+    typer.Option(
+        "--scene",
+        "--obstacles",
+        help="Scene JSON: spheres, boxes, capsules, cylinders, planes, meshes. --obstacles is another name for it.",
+    ),
+]
+CollisionOption = Annotated[
+    str,
+    typer.Option(
+        help="Shapes of the links: capsules (from joint to joint), urdf (its collision geometry; self-collision is "
+        "checked too), none (obstacles are ignored)."
+    ),
+]
+SrdfOption = Annotated[
+    File | None,
+    typer.Option(
+        help="With --collision urdf: SRDF file with the links that may touch; found by sampling without it."
+    ),
+]
+PackageOption = Annotated[
+    list[File] | None,
+    typer.Option(
+        help="With --collision urdf: folder that contains the ROS packages of meshes; may be repeated."
+    ),
+]
+
+
 # --- track ------------------------------------------------------------------------------------------------
 
 
@@ -194,28 +225,10 @@ def track(
     branch: Annotated[
         str, typer.Option(help="auto, or signs of shoulder, elbow, wrist, such as +++ or +-+.")
     ] = "auto",
-    obstacles: Annotated[
-        File | None, typer.Option(help="Scene JSON: spheres, boxes, capsules, cylinders, planes, meshes.")
-    ] = None,
-    collision: Annotated[
-        str,
-        typer.Option(
-            help="Shapes of the links: capsules (from joint to joint), urdf (its collision geometry; self-collision is "
-            "checked too), none (obstacles are ignored)."
-        ),
-    ] = "capsules",
-    srdf: Annotated[
-        File | None,
-        typer.Option(
-            help="With --collision urdf: SRDF file with the links that may touch; found by sampling without it."
-        ),
-    ] = None,
-    package_dir: Annotated[
-        list[File] | None,
-        typer.Option(
-            help="With --collision urdf: folder that contains the ROS packages of meshes; may be repeated."
-        ),
-    ] = None,
+    obstacles: SceneOption = None,
+    collision: CollisionOption = "capsules",
+    srdf: SrdfOption = None,
+    package_dir: PackageOption = None,
     plan: Annotated[
         str,
         typer.Option(
@@ -244,9 +257,9 @@ def track(
 
     Example:  redundancy track --robot pa10 --path path.csv --out run/
     Example:  redundancy track --robot arm.urdf --base base_link --tip tool0 --path path.csv --swivel 30 --out run/
-    Example:  redundancy track --robot pa10 --path path.csv --obstacles scene.json --plan whole --out run/
+    Example:  redundancy track --robot pa10 --path path.csv --scene scene.json --plan whole --out run/
     Example:  redundancy track --robot arm.urdf --path path.csv --collision urdf --package-dir share/ --out run/
-    Example:  redundancy track --robot pa10 --path path.csv --obstacles scene.json --desired-swivel -90 --out run/
+    Example:  redundancy track --robot pa10 --path path.csv --scene scene.json --desired-swivel -90 --out run/
     """
     if plan not in {"whole", "flow"}:
         raise rd.RedundancyError(f"--plan is '{plan}', it must be whole or flow")
@@ -610,6 +623,9 @@ class Job:
             lines.append(
                 f"nearest to an obstacle: {1e3 * s['clearance_m']:.1f} mm at point {s['clearance_at']['point']}"
             )
+        if "self_clearance_m" in s:
+            nearest, point = s["self_clearance_m"], s["self_clearance_at"]["point"]
+            lines.append(f"nearest to itself: {1e3 * nearest:.1f} mm at point {point}")
         lines += [escape(line) for line in _motion.lines(s["timing"])]
         lines.append(f"in {escape(str(self.out))}: {', '.join(written)}")
         for line in lines:
@@ -902,28 +918,10 @@ def plan(
         str | None,
         typer.Option(help="Instead of tilt and spin: pose, position, pointing, planar, planar_pose."),
     ] = None,
-    obstacles: Annotated[
-        File | None, typer.Option(help="Scene JSON: obstacles; contact is forbidden, between the rows too.")
-    ] = None,
-    collision: Annotated[
-        str,
-        typer.Option(
-            help="Shapes of the links: capsules (from joint to joint), urdf (its collision geometry; self-collision is "
-            "checked too), none (obstacles are ignored)."
-        ),
-    ] = "capsules",
-    srdf: Annotated[
-        File | None,
-        typer.Option(
-            help="With --collision urdf: SRDF file with the links that may touch; found by sampling without it."
-        ),
-    ] = None,
-    package_dir: Annotated[
-        list[File] | None,
-        typer.Option(
-            help="With --collision urdf: folder that contains the ROS packages of meshes; may be repeated."
-        ),
-    ] = None,
+    obstacles: SceneOption = None,
+    collision: CollisionOption = "capsules",
+    srdf: SrdfOption = None,
+    package_dir: PackageOption = None,
     clearance: Annotated[float, typer.Option(help="Wanted distance from the obstacles, m.")] = 0.03,
     link_radius: Annotated[float, typer.Option(help="Radius of the links as capsules, m.")] = 0.05,
     cyclic: Annotated[
@@ -965,7 +963,7 @@ def plan(
 
     Example:  redundancy plan --robot panda --path path.csv --out run/
     Example:  redundancy plan --robot ur5.urdf --base base_link --tip tool0 --path path.csv --spin free --out run/
-    Example:  redundancy plan --robot panda --path path.csv --obstacles scene.json --out run/
+    Example:  redundancy plan --robot panda --path path.csv --scene scene.json --out run/
     """
     bodies = bodies_of(collision, srdf, package_dir)
     chain = with_tool(load_robot(robot, base, tip), tool)
@@ -1042,7 +1040,10 @@ def check(
     base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
     tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
     path: Annotated[File | None, typer.Option(help="CSV of the path that the tool should follow.")] = None,
-    scene: Annotated[File | None, typer.Option(help="Scene JSON with obstacles.")] = None,
+    scene: SceneOption = None,
+    collision: CollisionOption = "capsules",
+    srdf: SrdfOption = None,
+    package_dir: PackageOption = None,
     format_: Annotated[str, typer.Option("--format", help="text, json or github.")] = "text",
     tool: Annotated[
         str, typer.Option(help="Position x,y,z of the tool in the frame of the last link, m.")
@@ -1074,6 +1075,7 @@ def check(
 
     Example:  redundancy check trajectory.json --robot panda
     Example:  redundancy check move.csv --robot arm.urdf --path path.csv --scene scene.json --format github
+    Example:  redundancy check move.csv --robot arm.urdf --scene scene.json --collision urdf --package-dir share/
     """
     if format_ not in _check.FORMATS:
         raise rd.RedundancyError(f"--format is '{format_}', it must be text, json or github")
@@ -1093,7 +1095,6 @@ def check(
         "tolerance": tolerance,
         "position_tolerance": position_tolerance,
         "clearance": clearance,
-        "links": link_radius,
     }
     if jerk_limits != "off":
         options["jerk_limits"] = np.deg2rad(_plan.per_joint(jerk_limits, "--jerk-limits", chain.dof))
@@ -1102,7 +1103,11 @@ def check(
         if orientation_tolerance != "off":
             angle = float(np.deg2rad(_plan.vector(orientation_tolerance, "--orientation-tolerance", 1)[0]))
         options["orientation_tolerance"] = angle
-    job = _check.Job(chain, robot, trajectory, path, scene, options)
+    bodies = bodies_of(collision, srdf, package_dir)
+    if collision != "none":
+        links = bodies.links(robot, chain)
+        options["links"] = link_radius if links is None else links
+    job = _check.Job(chain, robot, trajectory, path, None if collision == "none" else scene, options)
     report = job.run()
     text = getattr(job, format_)(report)
     if text:
@@ -1159,7 +1164,7 @@ def demo(
     file, scene = out / "ball_path.csv", out / "ball_scene.json"
     demo_lap().to_csv(file)
     scene.write_text(demo_ball().to_json() + "\n")
-    command = f"redundancy track --robot pa10 --path {file} --obstacles {scene} --cyclic --retime"
+    command = f"redundancy track --robot pa10 --path {file} --scene {scene} --cyclic --retime"
     command += f" --out {out / 'ball'}"
     _out.print(f"[dim]$ {escape(command)}[/]", soft_wrap=True)
     Job("pa10", file, out / "ball", plots=plots, way=Way(scene, cyclic=True), retime=True).run()

@@ -52,13 +52,12 @@ class Bodied(NamedTuple):
     pairs: list[tuple[int, int]]
 
 
-@pytest.fixture(scope="module")
-def bodied(tmp_path_factory: pytest.TempPathFactory) -> Bodied:
-    folder: Path = tmp_path_factory.mktemp("arm")
+def build(folder: Path, vertices: int = 40, radius: float = 0.055, over: float = 0.03) -> Bodied:
+    """An S-R-S arm whose links are lumps, longer by `over` at both ends; its files are written to a folder."""
     rng = np.random.default_rng(3)
     text, names, hulls = ['<robot name="lumps"><link name="base"/>'], ["base"], []
     for k, ((axis, offset), length) in enumerate(zip(JOINTS, LENGTHS, strict=True), start=1):
-        points = blob(rng, np.array([0.055, 0.055, 0.5 * length + 0.03]))
+        points = blob(rng, np.array([radius, radius, 0.5 * length + over]), vertices)
         (folder / f"link{k}.obj").write_text(as_obj(points))
         xyz = {"z": "0 0 1", "y": "0 1 0", "-y": "0 -1 0"}[axis]
         text.append(
@@ -77,6 +76,11 @@ def bodied(tmp_path_factory: pytest.TempPathFactory) -> Bodied:
     pairs = [(names.index(a), names.index(b)) for a, b in links.pairs]
     assert len(pairs) >= 6
     return Bodied(file, rd.SrsArm(chain), links, pin.buildModelFromUrdf(str(file)), hulls, pairs)
+
+
+@pytest.fixture(scope="module")
+def bodied(tmp_path_factory: pytest.TempPathFactory) -> Bodied:
+    return build(tmp_path_factory.mktemp("arm"))
 
 
 class Judge:
@@ -205,14 +209,16 @@ def test_bodies_on_the_command_line(
     ball = rd.Sphere(path.poses[:, :3, 3].mean(axis=0) + np.array([0.0, 0.0, 0.45]), 0.05)
     (tmp_path / "scene.json").write_text(rd.Scene([ball]).to_json())
 
+    printed: list[Any] = []
+
     def run(*more: Any) -> tuple[int, dict[str, Any], str]:
         words = ["track", "--robot", bodied.file, "--path", tmp_path / "path.csv", "--out", tmp_path / "run"]
-        words += ["--obstacles", tmp_path / "scene.json", "--no-plots", *more]
+        words += ["--scene", tmp_path / "scene.json", "--no-plots", *more]
         (tmp_path / "run" / "summary.json").unlink(missing_ok=True)
         status = _commands.run([str(word) for word in words])
-        err = capsys.readouterr().err
+        printed.append(capsys.readouterr())
         summary = tmp_path / "run" / "summary.json"
-        return status, json.loads(summary.read_text()) if summary.exists() else {}, err
+        return status, json.loads(summary.read_text()) if summary.exists() else {}, printed[-1].err
 
     status, summary, err = run("--collision", "urdf")
     assert status == 0, err
@@ -220,6 +226,10 @@ def test_bodies_on_the_command_line(
     q = rd.Trajectory.from_csv(tmp_path / "run" / "trajectory.csv").q
     least = bodied.links.self_clearance(q).distance.min()
     assert summary["self_clearance_m"] == pytest.approx(least, abs=1e-9)
+    assert f"nearest to itself: {1e3 * least:.1f} mm at point" in printed[-1].out
+    # The other name of --scene.
+    again = run("--collision", "urdf", "--obstacles", tmp_path / "scene.json")[1]
+    assert again["clearance_m"] == summary["clearance_m"]
     every = [(a, b) for i, a in enumerate(bodied.links.names) for b in bodied.links.names[:i]]
     pairs = "".join(f'<disable_collisions link1="{a}" link2="{b}" reason="User"/>' for a, b in every)
     (tmp_path / "all.srdf").write_text(f'<robot name="lumps">{pairs}</robot>')
@@ -235,3 +245,95 @@ def test_bodies_on_the_command_line(
     ):
         status, _, err = run(*words)
         assert status == 2 and message in err, err
+
+
+def test_check_of_bodies(bodied: Bodied, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    chain = bodied.arm.chain
+    end = np.array([0.4, 0.8, -0.3, -1.0, 0.2, 0.5, 0.1])
+    move = rd.retime(chain, np.stack([np.zeros(7), end]), acceleration_limits=np.full(7, 5.0))
+    move.to_csv(tmp_path / "move.csv")
+    # Beside the forearm's lump: inside of a thick capsule, outside of the hull.
+    elbow, wrist = chain.forward(end, link="link4")[:3, 3], chain.forward(end, link="link6")[:3, 3]
+    side = np.cross(wrist - elbow, (0, 0, 1))
+    near = rd.Sphere(0.5 * (elbow + wrist) + 0.1 * side / np.linalg.norm(side), 0.02, name="near")
+    (tmp_path / "near.json").write_text(rd.Scene([near]).to_json())
+    sphere = (coal.Sphere(0.02), pin.SE3(np.eye(3), np.asarray(near.center)))
+    assert not Judge(bodied, [sphere]).touches(end)
+
+    def kinds(*more: Any) -> tuple[int, list[str], str]:
+        words = ["check", tmp_path / "move.csv", "--robot", bodied.file, "--format", "json", *more]
+        status = _commands.run([str(word) for word in words])
+        out = capsys.readouterr()
+        findings = json.loads(out.out)["findings"] if out.out else []
+        return status, [f["kind"] for f in findings if f["severity"] == "error"], out.err
+
+    assert kinds()[:2] == (0, [])
+    for name in ("--scene", "--obstacles"):
+        scene = (name, tmp_path / "near.json", "--link-radius", 0.1)
+        status, found, _ = kinds(*scene)
+        assert status == 1 and set(found) == {"collision"}
+        assert kinds(*scene, "--collision", "urdf")[:2] == (0, [])
+        assert kinds(*scene, "--collision", "none")[:2] == (0, [])
+    for words, message in (
+        (("--package-dir", tmp_path), "--srdf and --package-dir need --collision urdf"),
+        (("--collision", "urdf", "--robot", "pa10"), "--collision urdf needs a URDF file, 'pa10' is none"),
+        (("--collision", "boxes"), "--collision is 'boxes', it must be urdf, capsules or none"),
+    ):
+        status, _, err = kinds(*words)
+        assert status == 2 and message in err, err
+
+
+def test_the_forearm_is_between_the_ball_and_the_pin() -> None:
+    """Why a pin costs a saturated step its distance from a ball: at that distance the forearm would be in the pin."""
+    chain = rd.catalog.load("pa10")
+    arm = rd.SrsArm(chain)
+    path = rd.paths.circle((0.45, 0, 0.5), 0.12, orientation=np.diag([-1.0, 1.0, -1.0]), n=241)
+    branch = arm.self_motion(path.poses[0]).branches[0]
+    swivels = np.arange(-1.352, -1.1, 2e-4)
+    rows = np.array([branch.q(s) for s in swivels])
+    elbows, wrist = chain.forward(rows, link="link4")[:, :3, 3], chain.forward(rows[0], link="link6")[:3, 3]
+
+    def from_axis(points: Array) -> Array:
+        """Least distance of the forearm's axis from any of some points, for each swivel."""
+        along = wrist - elbows
+        share = np.einsum("skd,sd->sk", points - elbows[:, None], along) / (along**2).sum(axis=1)[:, None]
+        foot = elbows[:, None] + np.clip(share, 0, 1)[:, :, None] * along[:, None]
+        return np.asarray(np.linalg.norm(points - foot, axis=2).min(axis=1))
+
+    ball = rd.Sphere((0.2842, -0.3539, 0.4817), 0.06, name="ball")
+    from_ball = from_axis(np.array([ball.center])) - 0.05 - 0.06
+    axis = from_axis(np.stack([np.full(401, 0.45), np.zeros(401), np.linspace(0.2, 0.4, 401)], axis=1))
+    as_without = int(np.argmax(from_ball >= 0.0559))
+    assert swivels[as_without] == pytest.approx(-1.1739, abs=1e-3)
+    for gap, there, at_ball, at_pin in (
+        (0.015, 0.0033, 0.0163, 0.0133),
+        (0.005, -0.0067, 0.0081, 0.0053),
+        (0.001, -0.0107, 0.0050, 0.0020),
+    ):
+        radius = float(np.hypot(0.12, 0.10)) - 0.05 - gap
+        from_pin = axis - 0.05 - radius
+        assert from_pin[as_without] == pytest.approx(there, abs=2e-4)
+        # The maximum of the criterion, where the saturated step ends; the hand is held and does not count.
+        pin_obstacle = rd.Capsule((0.45, 0, 0.2), (0.45, 0, 0.4), radius, name="pin")
+        scene = rd.Scene([ball, pin_obstacle], allowed=[("link7", "pin")])
+        h = rd.Clearance(chain, scene)
+        values = np.array([h.value(q) for q in rows])
+        best = int(np.argmax(values))
+        assert from_ball[best] == pytest.approx(at_ball, abs=3e-4)
+        assert from_pin[best] == pytest.approx(at_pin, abs=3e-4)
+        # No swivel between the two is further from both than the smoothing explains.
+        assert np.minimum(from_ball, from_pin).max() < at_pin + 1e-3
+        # The step itself, held at the pose for 3 s.
+        seen = rd.Clearance(chain, rd.Scene([ball, pin_obstacle]))
+        step = rd.SaturatedNullspace(chain, seen, 2.0)
+        q, qd = np.asarray(branch.q(-1.35)), np.zeros(7)
+        for _ in range(300):
+            at = chain.forward(q)
+            turn = path.poses[0][:3, :3] @ at[:3, :3].T
+            angular = 0.5 * np.array(
+                [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+            )
+            v = 10 * np.r_[path.poses[0][:3, 3] - at[:3, 3], angular]
+            qd = np.asarray(step.step(q, v, 0.01, qd).qd)
+            q = q + 0.01 * qd
+        assert values[best] - h.value(q) < 2e-4
