@@ -18,7 +18,7 @@ use super::demand::{Demand, Objective, PlanSettings};
 use super::explain;
 use super::fill::fill;
 use super::nodes::Nodes;
-use super::reach;
+use super::reach::{self, Unreached};
 use super::refine::{Goal, Refined, Refinement, refine};
 use super::report::{self, Outcome};
 use super::search::{Line, Search};
@@ -81,6 +81,8 @@ struct Run<'a> {
 struct Found {
     best: Option<Refined>,
     nodes: Nodes,
+    /// A point that no line comes to, once that was asked.
+    unreached: Option<Option<Unreached>>,
 }
 
 impl Run<'_> {
@@ -103,7 +105,8 @@ impl Run<'_> {
                 self.watch.interrupted().is_none() && explain::is_blocked(self.demand, &found.nodes);
             last = Some(found.nodes);
             if level.number == 0 && !hopeless {
-                unreached = reach::first_unreached(self.demand, self.watch);
+                unreached =
+                    (found.unreached).unwrap_or_else(|| reach::first_unreached(self.demand, self.watch));
             }
             if unreached.is_some() {
                 // No search for a line any more: states for one with reconfigurations.
@@ -159,12 +162,13 @@ impl Run<'_> {
         let mut nodes =
             Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number, watch);
         if nodes.q.iter().any(Vec::is_empty) || part.report(0.3).is_err() {
-            return Found { best: None, nodes };
+            return Found { best: None, nodes, unreached: None };
         }
         let layers = demand.thinned(&rows);
         let mut middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
         let mut best: Option<Refined> = None;
         let mut seen = Seen::default();
+        let mut unreached = None;
         for round in 0..=AVOIDING {
             let mut lines = Vec::new();
             // Where every line winds a joint out of its limits, the windings of that joint are checked one by one.
@@ -210,11 +214,20 @@ impl Run<'_> {
                 middle.dedup();
             }
             best = better(demand, best, fine);
-            if (enough && best.as_ref().is_some_and(Refined::is_legal)) || watch.interrupted().is_some() {
+            let legal = best.as_ref().is_some_and(Refined::is_legal);
+            if (enough && legal) || watch.interrupted().is_some() {
                 break;
             }
+            // Before lines are looked for elsewhere: whether there can be one.
+            if level.number == 0 && round == 0 && !legal {
+                let found = reach::first_unreached(demand, watch);
+                unreached = Some(found);
+                if found.is_some() {
+                    break;
+                }
+            }
         }
-        Found { best, nodes }
+        Found { best, nodes, unreached }
     }
 
     /// The best of some lines, refined on all rows.
