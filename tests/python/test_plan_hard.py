@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 FULL = os.environ.get("REDUNDANCY_TEST_FULL") == "1"
 CASES = json.loads((Path(__file__).parents[1] / "golden/plan_cases/panda_hard.json").read_text())["rasters"]
 # Solved and impossible ones; all of them in the full run.
-SOME = CASES if FULL else [case for case in CASES if case["number"] in {3, 9, 20, 45, 117}]
+SOME = CASES if FULL else [case for case in CASES if case["number"] in {9, 20, 45, 117}]
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,8 @@ def reaches(chain: rd.Chain, path: rd.Path, radius: float) -> int | None:
 @pytest.mark.parametrize("case", SOME, ids=lambda case: str(case["number"]))
 def test_hard_rasters(panda: rd.Chain, case: dict[str, Any]) -> None:
     path = path_of(case)
-    plan = rd.plan(panda, path, velocity_limits=None, time_limit=60.0)
+    # An impossible one takes all of its time: for a line with reconfigurations.
+    plan = rd.plan(panda, path, velocity_limits=None, time_limit=60.0 if case["number"] != 45 else 25.0)
     if plan.legal:
         assert str(plan.status) == "converged"
         assert (plan.q >= panda.lower).all()
