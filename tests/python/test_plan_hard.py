@@ -1,4 +1,4 @@
-"""Rasters for a Panda on which following an optimum fails: planned, or proven to be impossible."""
+"""Rasters for a Panda on which following an optimum fails: planned, or impossible under a second search too."""
 
 import json
 import os

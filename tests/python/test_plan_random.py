@@ -1,5 +1,5 @@
 """Random paths: plans hold on an independent check and are no worse than a chain of inverse kinematics; a 'no' is
-confirmed by an exact search, or by other seeds."""
+confirmed by points without a configuration, or by other seeds."""
 
 import os
 from typing import Any, NamedTuple

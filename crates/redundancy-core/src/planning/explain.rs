@@ -5,10 +5,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::demand::Demand;
 use super::fill::fill;
-use super::nodes::{Nodes, posture};
+use super::nodes::{NODE_SPACING, Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
 use super::push::Pusher;
-use super::reach::Unreached;
 use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
@@ -24,11 +23,11 @@ use crate::watch::Watch;
 
 /// What is said where no line was found over `nodes`.
 ///
-/// `unreached` is a point that no line from the start comes to, where that is proven.
+/// `unreached` is a point that no line from the start comes to, where that is known.
 pub(super) fn without_line(
     demand: &Demand,
     nodes: Nodes,
-    unreached: Option<Unreached>,
+    unreached: Option<usize>,
     watch: &Watch,
 ) -> Outcome {
     let empty: Vec<usize> = (0..nodes.rows.len())
@@ -46,22 +45,18 @@ pub(super) fn without_line(
     if let Some(why) = watch.interrupted() {
         return Outcome::Interrupted(None, why);
     }
-    let proof = unreached.map(|Unreached { row, exact }| {
-        let how = if exact { "exact" } else { "arcs of all solutions, sampled every 0.1 rad or m" };
-        let why = format!(
-            "no line exists: no configuration over point {row} is connected with one over point {} that a line from the \
-             start comes to ({how})",
+    let gap = unreached.map(|row| {
+        format!(
+            "no line exists, as far as samples every {NODE_SPACING} rad or m on the arcs of all solutions show: none of those \
+             at point {row} is connected with one at point {} that a line from the start comes to",
             row - 1
-        );
-        (why, exact)
+        )
     });
-    match (with_jumps(demand, nodes, watch), proof) {
-        (Outcome::Jumps { q, jumps, reason, .. }, Some((proof, proven))) => {
-            Outcome::Jumps { q, jumps, reason: format!("{proof}; {reason}"), proven }
+    match (with_jumps(demand, nodes, watch), gap) {
+        (Outcome::Jumps { q, jumps, reason }, Some(gap)) => {
+            Outcome::Jumps { q, jumps, reason: format!("{gap}; {reason}") }
         }
-        (Outcome::Nothing(..) | Outcome::Interrupted(None, _), Some((proof, proven))) => {
-            Outcome::Nothing(proof, proven)
-        }
+        (Outcome::Nothing(_) | Outcome::Interrupted(None, _), Some(gap)) => Outcome::Nothing(gap),
         (outcome, _) => outcome,
     }
 }
@@ -96,7 +91,7 @@ fn blocked(demand: &Demand, row: usize) -> Option<BlockedPoint> {
             return point(all.status(), all.reason());
         }
         if demand.margin == 0.0 || all.proven() {
-            let states = super::nodes::states_of(demand, row, all.as_ref(), super::nodes::NODE_SPACING)?;
+            let states = super::nodes::states_of(demand, row, all.as_ref(), NODE_SPACING)?;
             return if states.is_empty() {
                 point(
                     Status::Limits,
@@ -210,10 +205,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
         let mut search = Search::new(&layers, &nodes);
         for _ in 0..REPEATS {
             let Some((states, jumps)) = search.jumping_line() else {
-                return Outcome::Nothing(
-                    "the search found no line, not even with reconfigurations".into(),
-                    false,
-                );
+                return Outcome::Nothing("the search found no line, not even with reconfigurations".into());
             };
             if watch.interrupted().is_some() {
                 break;
@@ -232,9 +224,7 @@ fn with_jumps(demand: &Demand, nodes: Nodes, watch: &Watch) -> Outcome {
     }
     match watch.interrupted() {
         Some(why) => Outcome::Interrupted(None, why),
-        None => {
-            Outcome::Nothing("no continuous line was found, nor one with few reconfigurations".into(), false)
-        }
+        None => Outcome::Nothing("no continuous line was found, nor one with few reconfigurations".into()),
     }
 }
 
@@ -361,7 +351,7 @@ fn assembled(
     };
     let reason =
         format!("{found} (searched: {} states at each of {} points)", nodes.width(n), nodes.rows.len());
-    Outcome::Jumps { q, jumps, reason, proven: false }
+    Outcome::Jumps { q, jumps, reason }
 }
 
 /// The rows with all of those in the gap before a layer.

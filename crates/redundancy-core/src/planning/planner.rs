@@ -18,7 +18,7 @@ use super::demand::{Demand, Objective, PlanSettings};
 use super::explain;
 use super::fill::fill;
 use super::nodes::Nodes;
-use super::reach::{self, Unreached};
+use super::reach;
 use super::refine::{Goal, Refined, Refinement, refine};
 use super::report::{self, Outcome};
 use super::search::{Line, Search};
@@ -82,7 +82,7 @@ struct Found {
     best: Option<Refined>,
     nodes: Nodes,
     /// A point that no line comes to, once that was asked.
-    unreached: Option<Option<Unreached>>,
+    unreached: Option<Option<usize>>,
 }
 
 impl Run<'_> {
@@ -126,7 +126,7 @@ impl Run<'_> {
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
             Some(nodes) => explain::without_line(self.demand, nodes, unreached, self.watch),
-            None => Outcome::Nothing("no point was searched".into(), false),
+            None => Outcome::Nothing("no point was searched".into()),
         }
     }
 

@@ -3,10 +3,7 @@
 //! With at most one spare coordinate the solutions over a point are points or curves, which the limits cut into arcs. Arcs of
 //! neighbouring points are connected where a step that the joints may make leads from one to the other and stays on one
 //! piece of the solutions in between. Where a line can go along an arc is left open, so that more is reached than lines
-//! can reach, and never less but for the distance of the samples on the arcs.
-//!
-//! Where no sample is within the largest step of one that was reached before, widened by the distance of samples, the
-//! verdict is exact: every line passes within half of that distance of a sample.
+//! can reach; less only where the samples on the arcs, or the steps between them that are tried, miss a connection.
 
 use super::demand::Demand;
 use super::nodes::{NODE_SPACING, arcs_of};
@@ -18,16 +15,8 @@ use crate::parallel::prelude::*;
 use crate::solutions::{SolutionsSettings, solutions};
 use crate::watch::Watch;
 
-/// A point that no line from the start comes to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Unreached {
-    pub row: usize,
-    /// Whether that is exact, or what samples on the arcs show.
-    pub exact: bool,
-}
-
 /// The first point that no line from the start comes to; `None` where lines come to the end, or where it is not known.
-pub(super) fn first_unreached(demand: &Demand, watch: &Watch) -> Option<Unreached> {
+pub(super) fn first_unreached(demand: &Demand, watch: &Watch) -> Option<usize> {
     let task = demand.tool.named().filter(|_| demand.spare() <= 1 && demand.bounds() == 0)?;
     let arcs: Vec<Option<Vec<Vec<f64>>>> = (0..demand.rows())
         .into_par_iter()
@@ -45,18 +34,18 @@ pub(super) fn first_unreached(demand: &Demand, watch: &Watch) -> Option<Unreache
     let mut reached: Vec<&[f64]> = arcs[0].iter().map(Vec::as_slice).collect();
     for row in 1..demand.rows() {
         let step = Step { demand, round: &round, row };
-        let next: Vec<(bool, bool)> = arcs[row]
+        let next: Vec<bool> = arcs[row]
             .par_iter()
             .map_init(|| Puller::new(demand), |puller, arc| step.reaches(puller, &reached, arc))
             .collect();
         if watch.interrupted().is_some() {
             return None;
         }
-        if next.iter().all(|(_, connected)| !connected) {
-            return Some(Unreached { row, exact: next.iter().all(|(near, _)| !near) });
-        }
-        let connected = arcs[row].iter().zip(&next).filter(|(_, (_, connected))| *connected);
+        let connected = arcs[row].iter().zip(&next).filter(|(_, connected)| **connected);
         reached = connected.map(|(arc, _)| arc.as_slice()).collect();
+        if reached.is_empty() {
+            return Some(row);
+        }
     }
     None
 }
@@ -69,8 +58,8 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// Whether an arc is near enough to one that was reached, and whether it is connected with one.
-    fn reaches(&self, puller: &mut Puller<'_>, reached: &[&[f64]], arc: &[f64]) -> (bool, bool) {
+    /// Whether an arc is connected with one that was reached.
+    fn reaches(&self, puller: &mut Puller<'_>, reached: &[&[f64]], arc: &[f64]) -> bool {
         let (demand, n) = (self.demand, self.demand.dof());
         let rows = [self.row - 1, self.row];
         let mut steps: Vec<(f64, &[f64], &[f64])> = Vec::new();
@@ -83,11 +72,10 @@ impl Step<'_> {
         }
         // Between arcs of one piece the shortest steps are the carried ones.
         steps.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let connected = steps.iter().take(TRIED).any(|(_, from, to)| {
+        steps.iter().take(TRIED).any(|(_, from, to)| {
             let to: Vec<f64> = (0..n).map(|i| from[i] + self.short(i, to[i] - from[i])).collect();
             is_continuous(puller, demand, rows, from, &to)
-        });
-        (!steps.is_empty(), connected)
+        })
     }
 
     /// Square of the distance of two configurations; `None` where it is beyond the largest step and that of samples.

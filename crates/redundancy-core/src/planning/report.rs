@@ -22,9 +22,9 @@ pub(super) enum Outcome {
     /// Points without any configuration.
     Blocked(Vec<BlockedPoint>),
     /// No continuous line: rows with jumps, and why.
-    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String, proven: bool },
-    /// Nothing at all, why, and whether that is exact.
-    Nothing(String, bool),
+    Jumps { q: Vec<f64>, jumps: Vec<Reconfiguration>, reason: String },
+    /// Nothing at all, and why.
+    Nothing(String),
 }
 
 /// The plan of an outcome.
@@ -59,9 +59,8 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
                 .blocked(points)
                 .build()
         }
-        Outcome::Jumps { q, jumps, reason, proven } => of_jumps(demand, path, &q, jumps, (reason, proven)),
-        Outcome::Nothing(reason, proven) => PlanBuilder::without_rows(names(), Status::Infeasible)?
-            .proven(proven)
+        Outcome::Jumps { q, jumps, reason } => of_jumps(demand, path, &q, jumps, reason),
+        Outcome::Nothing(reason) => PlanBuilder::without_rows(names(), Status::Infeasible)?
             .reason(reason)
             .asking_about_units(&demand.chain, path)
             .build(),
@@ -135,7 +134,7 @@ fn of_jumps(
     path: &Path,
     q: &[f64],
     jumps: Vec<Reconfiguration>,
-    (reason, proven): (String, bool),
+    reason: String,
 ) -> Result<Plan> {
     let t = times(demand, path, q)?;
     let event = |jump: &Reconfiguration| Event {
@@ -148,7 +147,6 @@ fn of_jumps(
     let events = jumps.iter().map(event).collect();
     rows(demand, path, q, events, Status::Infeasible)?
         .legal(false)
-        .proven(proven)
         .reason(reason)
         .reconfigurations(jumps)
         .asking_about_units(&demand.chain, path)
