@@ -37,6 +37,7 @@ mod rotation;
 mod scene;
 mod self_motion;
 mod solutions;
+mod streaming;
 mod support;
 mod task;
 mod trajectory_sample;

@@ -41,6 +41,7 @@ mod self_motion;
 mod solutions;
 mod speed;
 mod status;
+mod streaming;
 mod task;
 mod velocity;
 mod watch;
@@ -111,6 +112,8 @@ mod _core {
     use solutions::{PyPiece, PySolution, PySolutions, py_solutions};
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
+    #[pymodule_export]
+    use streaming::{PyServo, PyServoTick};
     #[pymodule_export]
     use task::PyTask;
     #[pymodule_export]
