@@ -4,6 +4,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 DIST := $(TARGET)/wheels
+SITE := $(TARGET)/site
 # The checks see the same interpreter as the wheel, so pyo3 is not configured twice.
 export PYO3_PYTHON := $(CURDIR)/$(PY)
 export MPLBACKEND := Agg
@@ -11,7 +12,7 @@ export MPLBACKEND := Agg
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' -o -path '*/data/*' -type f)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name 'py.typed' -o -path '*/data/*' -type f)
 
-.PHONY: help demo test test-full format stubs lint features rust-test python-test examples package bench counts counts-store docs wheel clean
+.PHONY: help demo test test-full format stubs lint features rust-test python-test examples package bench counts counts-store docs rustdoc wheel clean
 
 help:
 	@echo 'make demo       seven examples of track, plan and paint; trajectories and plots in out/demo'
@@ -20,7 +21,7 @@ help:
 	@echo 'make features   the core with each feature alone and with none'
 	@echo 'make bench      criterion benchmarks, then comparisons with other libraries'
 	@echo 'make counts     instruction counts of the kernels, compared with stored ones (needs valgrind)'
-	@echo 'make docs       API documentation in target/doc'
+	@echo 'make docs       the documentation site in target/site, the Rust documentation in target/doc'
 	@echo 'make wheel      build the package and install it in .venv'
 	@echo 'make stubs      copy the docstrings of the built module into python/redundancy/_core.pyi'
 	@echo 'make format     rewrite the sources in the house format'
@@ -52,6 +53,11 @@ $(VENV)/.dev: $(VENV)/.demo
 $(VENV)/.bench: $(VENV)/.dev
 	$(call requirements,cli dev bench) > $(VENV)/bench.txt
 	$(PY) -m pip install --quiet -r $(VENV)/bench.txt
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.demo
+	$(call requirements,cli docs) > $(VENV)/docs.txt
+	$(PY) -m pip install --quiet -r $(VENV)/docs.txt
 	@touch $@
 
 $(VENV)/.wheel: $(VENV)/.demo $(RUST_SOURCES) $(PYTHON_SOURCES)
@@ -132,7 +138,14 @@ counts:
 counts-store:
 	$(PYTHON) benches/counts.py --store
 
-docs:
+# Executes the Python blocks of every page, so it takes minutes; the links are checked without network.
+docs: $(VENV)/.docs $(VENV)/.wheel rustdoc
+	rm -rf $(SITE)
+	$(PY) -W ignore -m sphinx -W --keep-going -q -j auto -b html -d $(TARGET)/doctrees docs $(SITE)
+	$(PY) tools/check_site.py $(SITE)
+	@echo "written: $(SITE)/index.html and $(TARGET)/doc/redundancy_core/index.html"
+
+rustdoc:
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
 
 clean:
