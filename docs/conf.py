@@ -58,6 +58,13 @@ jupytext:
     format_name: myst
 ---
 """
+FIGURES = """
+```{code-cell} python
+:tags: [remove-cell]
+%matplotlib inline
+```
+"""
+"""A hidden first cell, without which a figure would be shown as text."""
 OUTSIDE = {
     "README.md": "start/install.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -73,6 +80,8 @@ def prepare(app: Sphinx, docname: str, content: list[str]) -> None:
     for name, page in OUTSIDE.items():
         text = re.sub(rf"\]\((?:\.\./)+{re.escape(name)}", f"]({up}{page}", text)
     if re.search(r"^```python$", text, re.MULTILINE) and not text.startswith("---"):
+        if "plot" in text:
+            text = text.replace("\n```python\n", FIGURES + "\n```python\n", 1)
         text = KERNEL + re.sub(r"^```python$", "```{code-cell} python", text, flags=re.MULTILINE)
     content[0] = with_every_page(text) if docname == root_doc else text
 

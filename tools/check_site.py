@@ -56,6 +56,12 @@ def broken_links(site: Path) -> list[str]:
     return found
 
 
+def figures_as_text(site: Path) -> list[str]:
+    """Pages on which a figure is only named, because the kernel did not draw it."""
+    pages = (file for file in site.rglob("*.html") if "&lt;Figure size" in file.read_text())
+    return [f"{file.relative_to(site)}: a figure is shown as text" for file in pages]
+
+
 def missing_names(site: Path) -> list[str]:
     """Public names of the package that the site's inventory does not have."""
     with (site / "objects.inv").open("rb") as stream:
@@ -68,7 +74,7 @@ def missing_names(site: Path) -> list[str]:
 def main(site: Path) -> int:
     """Print what is wrong; the exit status."""
     site = site.resolve()
-    faults = broken_links(site)
+    faults = broken_links(site) + figures_as_text(site)
     faults += [f"the reference lacks redundancy.{name}" for name in missing_names(site)]
     print("\n".join(faults) or f"{site}: links and names are complete")
     return 1 if faults else 0
