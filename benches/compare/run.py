@@ -83,10 +83,11 @@ def page(results: dict[str, Any]) -> str:
         "# Benchmark",
         "",
         "<!-- Written by benches/compare/run.py: change that, not this. -->",
-        "Written by `make compare`. Each neighbour has a virtual environment of its own, with the wheel of this library",
-        "beside it. Both take turns on the same inputs in one process and on one thread, seed "
+        "Written by `make compare`. Each neighbour has a virtual environment of its own, with the wheel of this",
+        "library beside it. Both take turns on the same inputs in one process and on one thread, seed "
         f"{results['seed']}. Times are those of",
-        "single calls from Python. *Ratio* is the median time of the neighbour over ours: below 1 the neighbour is faster.",
+        "single calls from Python. *Ratio* is the median time of the neighbour over ours: below 1 the neighbour is",
+        "faster.",
         "",
         f"Machine: {machine['cores']} cores, {machine['system']}, Python {machine['python']}, load average "
         f"{machine['load']}; where the",
@@ -138,8 +139,8 @@ def page(results: dict[str, Any]) -> str:
         "```",
         "",
         "## All rows",
-        "*Success*: the answer is there, meets its pose within 2e-6 and is within the limits; for a velocity step, the error is below",
-        "1e-3; for kinematics and distances, both libraries agree.",
+        "*Success*: the answer is there, meets its pose within 2e-6 and is within the limits; for a velocity step, the",
+        "error is below 1e-3; for kinematics and distances, both libraries agree.",
         "",
         *table,
         "",
