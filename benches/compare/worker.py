@@ -30,6 +30,8 @@ BLOCK = 25
 MET = 2e-6
 """A pose is met within this, m and rad."""
 AT_LIMIT = 1e-9
+STEP_ERROR = 1e-2
+"""Largest error of a velocity step, m/s and rad/s; soft tasks trade the task for the posture."""
 Row = dict[str, Any]
 Job = Callable[[int], Any]
 
@@ -141,7 +143,7 @@ def velocity_step(name: str, seed: int, n: int) -> list[Row]:
     for solver in jobs:
         errors = [np.linalg.norm(chain.jacobian(q[i]) @ answers[solver][i] - wanted) for i in range(n)]
         fast = sum(bool((np.abs(v) > chain.velocity_limit * (1 + 1e-9)).any()) for v in answers[solver])
-        checked = {"success": float(np.mean(np.array(errors) < 1e-3)), "violations": {"too_fast": fast}}
+        checked = {"success": float(np.mean(np.array(errors) < STEP_ERROR)), "violations": {"too_fast": fast}}
         quality = {"median_error": float(np.median(errors))}
         rows.append(row("velocity step with limits", "iiwa14", solver, seconds[solver], **checked, **quality))
     return rows
@@ -313,7 +315,7 @@ def rows_of(name: str, seed: int, n: int) -> tuple[str, list[Row]]:
         ),
         "ssik": (
             "ssik",
-            lambda: pose_ik((*seven, "puma560"), lambda c, _: ssik_job(load("ssik"), c), seed, n),
+            lambda: pose_ik(seven, lambda c, _: ssik_job(load("ssik"), c), seed, n),
         ),
         "roboticstoolbox": (
             "roboticstoolbox-python",

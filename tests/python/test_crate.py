@@ -2,8 +2,10 @@
 
 import importlib.util
 import json
+import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -45,8 +47,26 @@ def test_the_declared_rust_version_suits_every_dependency(packages):
     assert own > (1, 0, 0)
 
 
-def test_every_dependency_names_its_licence(packages):
-    assert not [p["name"] for p in packages if not (p["license"] or p["license_file"])]
+def allowed(expression: str, licences: set[str]) -> bool:
+    """Whether an SPDX expression of `OR` and `AND` can be met."""
+    expression = expression.replace("/", " OR ")
+    words = re.sub(r"[()]", lambda m: f" {m[0]} ", expression)
+    words = re.sub(r" WITH ", "_WITH_", words)
+    parts = {"OR": "or", "AND": "and", "(": "(", ")": ")"}
+    known = {licence.replace(" WITH ", "_WITH_") for licence in licences}
+    return bool(eval(" ".join(parts.get(word, str(word in known)) for word in words.split())))
+
+
+def test_every_dependency_has_an_allowed_licence(packages):
+    licences = set(tomllib.loads((ROOT / "deny.toml").read_text())["licenses"]["allow"])
+    assert allowed("MIT OR (GPL-3.0 AND Apache-2.0)", licences) and not allowed("MIT AND GPL-3.0", licences)
+    refused = {p["name"]: p["license"] for p in packages if not allowed(p["license"] or "none", licences)}
+    assert not refused, "cargo deny check licenses"
+
+
+def test_every_dependency_is_from_the_registry(packages):
+    sources = {p["source"] for p in packages}
+    assert sources == {None, "registry+https://github.com/rust-lang/crates.io-index"}
 
 
 def test_the_listing_of_the_api_reads_rustdoc(tmp_path):
