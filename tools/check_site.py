@@ -8,8 +8,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from sphinx.util.inventory import InventoryFile
-
 import redundancy
 
 GENERATED = {"genindex.html", "py-modindex.html", "search.html"}
@@ -64,6 +62,8 @@ def figures_as_text(site: Path) -> list[str]:
 
 def missing_names(site: Path) -> list[str]:
     """Public names of the package that the site's inventory does not have."""
+    from sphinx.util.inventory import InventoryFile  # noqa: PLC0415 -- the rest does without Sphinx
+
     with (site / "objects.inv").open("rb") as stream:
         inventory = InventoryFile.load(stream, "", lambda base, path: path)
     documented = {name for kind, names in inventory.items() if kind.startswith("py:") for name in names}

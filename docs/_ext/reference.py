@@ -10,9 +10,10 @@ import inspect
 import re
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 GROUPS: dict[str, tuple[str, str]] = {
     "arms": (
@@ -170,7 +171,7 @@ def pages(package: Any) -> dict[str, str]:
     return found
 
 
-def write(app: Sphinx) -> None:
+def write(app: "Sphinx") -> None:
     """Write the pages that have changed, and delete those that are no longer there."""
     folder = Path(app.srcdir) / "reference"
     folder.mkdir(exist_ok=True)
@@ -249,12 +250,12 @@ def _joined_spans(lines: list[str]) -> list[str]:
     return found
 
 
-def mend(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+def mend(app: "Sphinx", what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Before napoleon: Markdown in docstrings to reStructuredText."""
     lines[:] = prose(lines)
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: "Sphinx") -> dict[str, bool]:
     """Called by Sphinx."""
     app.connect("builder-inited", write)
     app.connect("autodoc-process-docstring", mend, priority=100)
