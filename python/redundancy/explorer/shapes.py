@@ -1,0 +1,127 @@
+"""Triangles of what is drawn: unit bodies, and obstacles."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import redundancy as rd
+from redundancy.explorer.arm import Array, turned_z
+
+SIDES = 28
+"""Corners of a round outline."""
+RINGS = 7
+"""Rings of a half sphere."""
+SHOWN_PLANE = 2.0
+"""Half of the edge of the square that stands for a half-space, m."""
+THIN = 1e-3
+"""Size below which a body is drawn with this size, m: it could not be seen."""
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """A mesh and where it is."""
+
+    vertices: Array
+    faces: NDArray[np.uint32]
+    wxyz: Array
+    position: Array
+
+
+def cylinder() -> tuple[Array, NDArray[np.uint32]]:
+    """Radius 1 about z, from -1/2 to 1/2; the rims are doubled, so that the edges look sharp."""
+    angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    levels = (-0.5, 0.5, -0.5, 0.5)
+    rims = [np.column_stack([ring, np.full(SIDES, z)]) for z in levels]
+    vertices = np.vstack([*rims, [[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]])
+    here = np.arange(SIDES)
+    after = (here + 1) % SIDES
+    side = np.vstack(
+        [np.column_stack([here, after, SIDES + after]), np.column_stack([here, SIDES + after, SIDES + here])]
+    )
+    below = np.column_stack([2 * SIDES + after, 2 * SIDES + here, np.full(SIDES, 4 * SIDES)])
+    above = np.column_stack([3 * SIDES + here, 3 * SIDES + after, np.full(SIDES, 4 * SIDES + 1)])
+    return vertices, np.vstack([side, below, above]).astype(np.uint32)
+
+
+def capsule(half: float, radius: float) -> tuple[Array, NDArray[np.uint32]]:
+    """About z, its segment from `-half` to `half`; a sphere for 0."""
+    polar = np.linspace(0.0, 0.5 * np.pi, RINGS + 1)
+    polar = np.concatenate([polar, np.pi - polar[::-1]])
+    shift = np.repeat([half, -half], RINGS + 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    rings = [
+        np.column_stack(
+            [
+                radius * np.sin(p) * np.cos(angle),
+                radius * np.sin(p) * np.sin(angle),
+                np.full(SIDES, radius * np.cos(p) + h),
+            ]
+        )
+        for p, h in zip(polar, shift, strict=True)
+    ]
+    here = np.arange(SIDES)
+    after = (here + 1) % SIDES
+    faces = []
+    for k in range(len(rings) - 1):
+        a, b = k * SIDES, (k + 1) * SIDES
+        faces += [np.column_stack([a + here, b + here, b + after]), np.column_stack([a + here, b + after, a + after])]
+    return np.vstack(rings), np.vstack(faces).astype(np.uint32)
+
+
+def box(half: Array) -> tuple[Array, NDArray[np.uint32]]:
+    """With half extents `(3,)`; every face has its own corners."""
+    vertices, faces = [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            u, v = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
+            middle = sign * np.eye(3)[axis]
+            corners = [middle + a * u + b * v for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            first = len(vertices)
+            vertices += [corner * half for corner in corners]
+            order = [(0, 1, 2), (0, 2, 3)] if sign > 0.0 else [(0, 2, 1), (0, 3, 2)]
+            faces += [[first + i for i in three] for three in order]
+    return np.array(vertices), np.array(faces, dtype=np.uint32)
+
+
+def cone(half_angle: float, length: float) -> tuple[Array, NDArray[np.uint32]]:
+    """Apex at the origin, opening along z."""
+    angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    radius = length * np.sin(half_angle)
+    ring = np.column_stack(
+        [radius * np.cos(angle), radius * np.sin(angle), np.full(SIDES, length * np.cos(half_angle))]
+    )
+    here = np.arange(SIDES)
+    faces = np.column_stack([np.full(SIDES, SIDES), here, (here + 1) % SIDES])
+    return np.vstack([ring, np.zeros((1, 3))]), faces.astype(np.uint32)
+
+
+def of_obstacle(obstacle: Any) -> Triangles:
+    """An obstacle as it stands in the world."""
+    upright, origin = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    if isinstance(obstacle, rd.Sphere):
+        vertices, faces = capsule(0.0, max(obstacle.radius, THIN))
+        return Triangles(vertices, faces, upright, obstacle.center)
+    if isinstance(obstacle, rd.Capsule):
+        along = obstacle.end - obstacle.start
+        length = float(np.linalg.norm(along))
+        vertices, faces = capsule(0.5 * length, max(obstacle.radius, THIN))
+        wxyz = turned_z(along[None] / length)[0] if length > 0.0 else upright
+        return Triangles(vertices, faces, wxyz, 0.5 * (obstacle.start + obstacle.end))
+    if isinstance(obstacle, rd.HalfSpace):
+        vertices, faces = box(np.array([SHOWN_PLANE, SHOWN_PLANE, THIN]))
+        wxyz = turned_z(obstacle.normal[None])[0]
+        return Triangles(vertices, faces, wxyz, obstacle.point - THIN * obstacle.normal)
+    pose = obstacle.pose
+    wxyz = rd.quaternion.from_matrix(pose[:3, :3])
+    if isinstance(obstacle, rd.Box):
+        vertices, faces = box(np.maximum(obstacle.half_extents, THIN))
+    elif isinstance(obstacle, rd.Cylinder):
+        vertices, faces = cylinder()
+        sizes = (obstacle.radius, obstacle.radius, 2.0 * obstacle.half_length)
+        vertices = vertices * np.maximum(sizes, THIN)
+    else:
+        vertices, faces = obstacle.vertices, obstacle.faces
+    return Triangles(vertices, faces, wxyz, pose[:3, 3] + origin)
