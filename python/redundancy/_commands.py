@@ -1053,7 +1053,10 @@ def explore(
     srdf: SrdfOption = None,
     package_dir: PackageOption = None,
     port: Annotated[
-        int, typer.Option(help="Port of the page; the next free one if it is in use, 0 for any.", min=0, max=65535)
+        int,
+        typer.Option(
+            help="Port of the page; the next free one if it is in use, 0 for any.", min=0, max=65535
+        ),
     ] = 8080,
     host: Annotated[
         str, typer.Option(help="Address to listen on; by default only this machine can open the page.")

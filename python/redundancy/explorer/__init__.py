@@ -58,13 +58,14 @@ def explore(
         >>> view.close()  # doctest: +SKIP
     """
     try:
-        from redundancy.explorer import view as viewing
+        from redundancy.explorer import view as viewing  # noqa: PLC0415 - the extra is needed only here
     except ImportError as error:
         missing = "rd.explore needs the extra 'explorer': pip install redundancy[explorer]"
         raise ImportError(f"{missing} ({error})") from error
-    from redundancy.explorer.model import PoseModel
-    from redundancy.explorer.path_model import PathModel
-    from redundancy.explorer.scene_model import SceneModel
+
+    from redundancy.explorer.model import PoseModel  # noqa: PLC0415
+    from redundancy.explorer.path_model import PathModel  # noqa: PLC0415
+    from redundancy.explorer.scene_model import SceneModel  # noqa: PLC0415
 
     arm = getattr(chain, "chain", chain)
     plans = [] if plan is None else [plan] if isinstance(plan, rd.Plan) else list(plan)

@@ -55,11 +55,11 @@ class Body:
             turning = jacobian[3:, j]
             if np.linalg.norm(turning) < 0.5:  # a sliding joint
                 axes[j] = jacobian[:3, j]
-                points[j] = frames[self._frame_after(j)][:3, 3]
+                points[j] = frames[self.frame_after(j)][:3, 3]
                 continue
             axes[j] = turning
             through = pose[:3, 3] + np.cross(turning, jacobian[:3, j])
-            after, before = (frames[k][:3, 3] for k in (self._frame_after(j), self._frame_after(j - 1)))
+            after, before = (frames[k][:3, 3] for k in (self.frame_after(j), self.frame_after(j - 1)))
             points[j] = self._on_axis(after, before, through, turning)
         return points, axes
 
@@ -70,7 +70,7 @@ class Body:
                 return origin
         return through + axis * float(axis @ (after - through))
 
-    def _frame_after(self, joint: int) -> int:
+    def frame_after(self, joint: int) -> int:
         """Index of the first frame that joint `joint` moves; the base for -1."""
         return int(np.flatnonzero(self.joints_before == joint + 1)[0]) if joint >= 0 else 0
 
@@ -89,7 +89,7 @@ def segments(origins: Array) -> Array:
 
 
 def rods(ends: Array, radius: float) -> tuple[Array, Array, Array]:
-    """Unit cylinders (radius 1, z from -1/2 to 1/2) that become segments `(M, 2, 3)`: quaternions wxyz, centres, scales."""
+    """Unit cylinders (radius 1, z from -1/2 to 1/2) as segments `(M, 2, 3)`: quaternions wxyz, centres, scales."""
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     scales = np.column_stack([np.full((len(ends), 2), radius), length])

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+import redundancy as rd
 from redundancy.explorer import pictures, shapes
 from redundancy.explorer.arm import NO_LENGTH, Array, Body, rods, segments, turned_z
 
@@ -11,6 +12,8 @@ LINK = (206, 211, 217)
 """Colour of the links."""
 SECOND_LINK = (233, 196, 148)
 """Colour of the links of a second arm."""
+LINK_OPACITY = 0.8
+"""Of the shapes of links: the joints inside are seen through them."""
 GHOST = (120, 140, 165)
 GHOST_OPACITY = 0.16
 CURVE = 0.006
@@ -27,10 +30,17 @@ class ArmDrawing:
         body: The arm.
         colour: Of the links.
         offset: `(3,)` where its base is drawn, m.
+        links: Shapes of the links; rods from frame to frame without them.
     """
 
     def __init__(
-        self, scene: Any, name: str, body: Body, colour: tuple[int, int, int] = LINK, offset: Any = (0.0, 0.0, 0.0)
+        self,
+        scene: Any,
+        name: str,
+        body: Body,
+        colour: tuple[int, int, int] = LINK,
+        offset: Any = (0.0, 0.0, 0.0),
+        links: rd.LinkGeometry | None = None,
     ) -> None:
         self.body = body
         self.root = scene.add_frame(name, show_axes=False, position=tuple(offset))
@@ -61,7 +71,32 @@ class ArmDrawing:
         self.joints.batched_scales = np.tile(
             np.array([1.25, 1.25, 2.3], dtype=np.float32) * np.float32(radius), (n, 1)
         )
+        self.carriers = self._shapes(scene, name, links, colour)
+        if self.carriers:
+            self.links.visible = self.ends.visible = False
         self.tool = scene.add_frame(f"{name}/tool", axes_length=2.2 * radius, axes_radius=0.12 * radius)
+
+    def _shapes(
+        self, scene: Any, name: str, links: rd.LinkGeometry | None, colour: tuple[int, int, int]
+    ) -> dict[int, Any]:
+        """The shapes of the links on frames that move with them, by the index of the frame."""
+        carriers: dict[int, Any] = {}
+        for k, one in enumerate([] if links is None else shapes.of_links(links, self.body)):
+            index = self.body.frame_after(one.joints_before - 1) if one.joints_before else -1
+            node = f"{name}/link{index}"
+            if index not in carriers:
+                carriers[index] = scene.add_frame(node, show_axes=False)
+            scene.add_mesh_simple(
+                f"{node}/{k}",
+                np.asarray(one.vertices, dtype=np.float32),
+                one.faces,
+                color=colour,
+                opacity=LINK_OPACITY,
+                flat_shading=True,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        return carriers
 
     def show(self, q: Array, share: Array) -> None:
         """Draw a configuration; `share` is the margin per joint as a share of half its range."""
@@ -79,6 +114,9 @@ class ArmDrawing:
         colours = np.array([pictures.rgb(pictures.margin_colour(float(s))) for s in share], dtype=np.uint8)
         if not np.array_equal(colours, self.joints.batched_colors):
             self.joints.batched_colors = colours
+        for index, carrier in self.carriers.items():
+            if index >= 0:
+                carrier.position, carrier.wxyz = frames[index, :3, 3], quaternion(frames[index])
         self.tool.position = frames[-1, :3, 3]
         self.tool.wxyz = quaternion(frames[-1])
 
@@ -160,6 +198,4 @@ def grid(scene: Any, name: str, centre: Array, reach: float) -> None:
 
 def quaternion(pose: Array) -> Array:
     """Quaternion wxyz of a pose."""
-    import redundancy as rd
-
     return rd.quaternion.from_matrix(pose[:3, :3])

@@ -66,4 +66,4 @@ class FilePanel:
         @self.open.on_upload
         async def _(event: Any) -> None:
             content = event.target.value.content
-            view.post("open", lambda: view.load(content.decode(errors="replace")))
+            view.post("open", lambda: state.load(view, content.decode(errors="replace")))

@@ -19,6 +19,8 @@ SHOWN = 80
 """Characters of a reason that the page shows."""
 DEEPEST = 8
 """Deepest nesting of a message."""
+LENGTHS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
+"""Numbers in the vectors of a message."""
 REFUSED_TYPES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 """Messages that would make the server talk to a computer outside."""
 
@@ -53,10 +55,8 @@ def watch(server: viser.ViserServer, refused: Callable[[str], None]) -> None:
 
 def fault(raw: Any) -> str | None:
     """What is wrong with a message, or None."""
-    if not isinstance(raw, bytes):
-        return "a text message; binary ones are expected"
-    if len(raw) > LARGEST_MESSAGE:
-        return f"a message of {len(raw)} bytes; at most {LARGEST_MESSAGE} are read"
+    if not isinstance(raw, bytes) or len(raw) > LARGEST_MESSAGE:
+        return f"a message that is no bytes, or more than {LARGEST_MESSAGE} of them"
     try:
         message = viser._messages.Message.deserialize(raw)
     except Exception as error:  # whatever the decoder raises
@@ -64,16 +64,19 @@ def fault(raw: Any) -> str | None:
     kind = type(message).__name__
     if kind in REFUSED_TYPES:
         return f"{kind}: this explorer is not shared outside"
-    if kind == "GuiUpdateMessage":
-        updates = getattr(message, "updates", None)
-        if not isinstance(updates, dict) or set(updates) - {"value"}:
-            return f"{kind}: only the value of a control can be changed"
+    updates = getattr(message, "updates", {})
+    if not isinstance(updates, dict) or set(updates) - {"value"}:
+        return f"{kind}: only the value of a control can be changed"
+    return member_fault(message, kind)
+
+
+def member_fault(message: Any, kind: str) -> str | None:
+    """What is wrong with the members of a message, or None."""
     for name, value in vars(message).items():
         wrong = content_fault(value, 0)
         if wrong is not None:
             return f"{kind}: {name} {wrong}"
-    lengths = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
-    for name, length in lengths.items():
+    for name, length in LENGTHS.items():
         value = getattr(message, name, None)
         if value is None:
             continue

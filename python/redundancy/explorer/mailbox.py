@@ -37,6 +37,11 @@ class Mailbox:
     def __len__(self) -> int:
         return len(self._items)
 
+    @property
+    def own_thread(self) -> bool:
+        """Whether this is the thread that does the work."""
+        return threading.current_thread() is self._thread
+
     def settle(self, timeout: float) -> bool:
         """Wait until nothing is left to do; False after `timeout` seconds."""
         with self._changed:
@@ -48,7 +53,7 @@ class Mailbox:
             self._open = False
             self._items.clear()
             self._changed.notify_all()
-        if threading.current_thread() is not self._thread:
+        if not self.own_thread:
             self._thread.join(STOP_SECONDS)
 
     def _work(self) -> None:

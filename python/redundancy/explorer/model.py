@@ -11,6 +11,8 @@ from redundancy.explorer.arm import Array, Body
 
 CURVE_SAMPLES = 181
 """Points of the elbow's curve."""
+POSTURES = 400
+"""Random configurations of which the first one that is shown is chosen."""
 LARGEST_TARGET = 1e3
 """Largest coordinate of a target, m."""
 NOT_WITHIN = 1e-9
@@ -141,6 +143,16 @@ class PoseModel:
         self.target = self.chain.forward(start)
         self.solutions = self._solve(self.target)
         self._adopt(start)
+
+    def restore(self, target: Array, q: Array, label: str | None, u: float) -> None:
+        """A target, and the configuration that was shown: on the piece of that name, or `q` out of reach."""
+        self.q, self.target = q, target
+        self.solutions = self._solve(self.wanted)
+        self._adopt(q)
+        names = [piece.label for piece in self._pieces]
+        if label in names:
+            self.piece = names.index(label)
+            self.slide(u)
 
     def set_scene(self, scene: rd.Scene | None) -> None:
         """Other obstacles."""
@@ -288,7 +300,7 @@ class PoseModel:
         return True
 
     def _take(self) -> None:
-        assert self.piece is not None  # noqa: S101 - callers choose a piece first
+        assert self.piece is not None
         piece = self._pieces[self.piece]
         self.q = piece.q() if self.solutions.dimension == 0 else piece.q(self.u)
         out = np.flatnonzero(self.margins < -NOT_WITHIN)
@@ -376,10 +388,15 @@ def checked_q(chain: rd.Chain, q: Any) -> Array:
 
 
 def posture(chain: rd.Chain) -> Array:
-    """A configuration to begin with: inside the ranges, bent, away from their middle."""
+    """A configuration to begin with: of seeded random ones, in front of the base and far from singular."""
     lower, upper = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
-    bent = np.where(np.arange(chain.dof) % 2 == 1, 0.45, 0.12)
-    out: Array = 0.5 * (lower + upper) + bent * (upper - lower) * 0.5
+    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    rows: Array = middle + 0.6 * half * np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, chain.dof))
+    tools = chain.forward(rows)[:, :3, 3] - chain.base[:3, 3]
+    jacobians = chain.jacobian(rows)
+    measure = np.sqrt(np.maximum(np.linalg.det(jacobians @ jacobians.transpose(0, 2, 1)), 0.0))
+    ahead = (tools[:, 0] > 0.0) & (tools[:, 2] > 0.15 * np.linalg.norm(tools, axis=1).max())
+    out: Array = rows[int(np.argmax(np.where(ahead, 1.0 + measure, measure)))]
     return out
 
 
@@ -413,7 +430,9 @@ def share_text(piece: rd.Piece, arcs: Array) -> str:
 
 def across(axis: Array) -> Array:
     """Two unit vectors across an axis, as columns `(3, 2)`: x and y for z."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))] if abs(axis[2]) < 1.0 - 1e-12 else np.array([1.0, 0.0, 0.0])
+    helper = (
+        np.eye(3)[int(np.argmin(np.abs(axis)))] if abs(axis[2]) < 1.0 - 1e-12 else np.array([1.0, 0.0, 0.0])
+    )
     first = helper - axis * float(axis @ helper)
     first /= np.linalg.norm(first)
     return np.column_stack([first, np.cross(axis, first)])

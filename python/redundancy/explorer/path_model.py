@@ -1,5 +1,6 @@
 """What the explorer shows along a path: plans, a time, strips and the map of the spare coordinate; no browser."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 
 import redundancy as rd
 from redundancy.explorer.arm import Array
-from redundancy.explorer.model import RefusedError, finite, inside
+from redundancy.explorer.model import RefusedError, finite
 from redundancy.explorer.pictures import shown, within_turn
 
 MAP_COLUMNS = 90
@@ -47,8 +48,10 @@ class Line:
         """The configuration `time` seconds after the first row; between rows of a jump, the row before it."""
         t = float(np.clip(self.t[0] + time, self.t[0], self.t[-1]))
         if self.continuous and len(self.t) > 1:
-            return self.plan.sample(t)[0]
-        return self.q[self.row(time)]
+            now: Array = self.plan.sample(t)[0]
+            return now
+        row: Array = self.q[self.row(time)]
+        return row
 
     def row(self, time: float) -> int:
         """The last row that is not after `time` seconds."""
@@ -136,12 +139,11 @@ class PathModel:
 
     def set_speed(self, speed: float) -> None:
         """Seconds of the plan per second."""
-        value = float(finite(speed, (), "the speed"))
-        if not 0.0 < value <= SPEEDS[-1]:
-            raise RefusedError(f"the speed is {value}, it must be above 0 and at most {SPEEDS[-1]}")
-        self.speed = value
+        self.speed = checked_speed(speed)
 
-    def replan(self, scene: rd.Scene | None, progress: Callable[[float], object] | None = None, **options: Any) -> rd.Plan:
+    def replan(
+        self, scene: rd.Scene | None, progress: Callable[[float], object] | None = None, **options: Any
+    ) -> rd.Plan:
         """A new plan of the path; it is not shown before `take`."""
         if self.path is None:
             raise RefusedError("there is no path to plan: give one with path=")
@@ -234,14 +236,14 @@ class PathModel:
         parts = []
         for low, high in found.piece.intervals():
             values = np.asarray(found.piece.parameter(np.linspace(low, high, MAP_SAMPLES // 3)))
-            parts += [(float(min(a, b)), float(max(a, b))) for a, b in zip(values[:-1], values[1:], strict=True)]
+            parts += [(float(min(a, b)), float(max(a, b))) for a, b in itertools.pairwise(values)]
         return merged(parts)
 
     def _spins(self, pose: Array, now: float) -> list[tuple[float, float]]:
         """Spins at which any configuration holds the limits, by samples; `pose` is at the spin `now`."""
         freedom = self.freedom or rd.ToolFreedom(0.0, "free")
         axis = np.asarray(freedom.axis, dtype=float)
-        angles = np.linspace(-np.pi, np.pi, MAP_SAMPLES // 2)
+        angles = np.linspace(-np.pi, np.pi, MAP_SAMPLES)
         turns = rd.quaternion.to_matrix(
             np.array([rd.quaternion.from_axis_angle(axis, a - now) for a in angles])
         )
@@ -262,6 +264,14 @@ class PathModel:
         )
 
 
+def checked_speed(speed: Any) -> float:
+    """Seconds of a plan per second."""
+    value = float(finite(speed, (), "the speed"))
+    if not 0.0 < value <= SPEEDS[-1]:
+        raise RefusedError(f"the speed is {value}, it must be above 0 and at most {SPEEDS[-1]}")
+    return value
+
+
 def merged(parts: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Intervals that overlap or touch, as one."""
     out: list[tuple[float, float]] = []
@@ -271,9 +281,3 @@ def merged(parts: list[tuple[float, float]]) -> list[tuple[float, float]]:
         else:
             out.append((low, high))
     return out
-
-
-def allowed(columns: Sequence[Sequence[tuple[float, float]]], values: Array) -> Array:
-    """Whether a value lies in its column, per column."""
-    rows = [inside(np.array(c).reshape(-1, 2), np.array([v]), closed=True)[0] for c, v in zip(columns, values, strict=True)]
-    return np.array(rows)

@@ -9,6 +9,8 @@ import numpy as np
 
 import redundancy as rd
 from redundancy.explorer import drawing, pictures, shapes
+from redundancy.explorer.arm import turned_z
+from redundancy.explorer.mailbox import Mailbox
 from redundancy.explorer.model import PoseModel
 from redundancy.explorer.path_model import SPEEDS, STRIP_POINTS, PathModel
 from redundancy.explorer.pose_panel import paragraph
@@ -54,7 +56,7 @@ class PathPanel:
             self.beside = gui.add_checkbox("keep the old plan beside it", False)
             self.progress = gui.add_progress_bar(0.0)
         self.second: drawing.ArmDrawing | None = None
-        self._job: threading.Thread | None = None
+        self.planner = Mailbox(view.failed)
         self._cancel = threading.Event()
         self._ticks = 0
         self._strip_cache: list[tuple[str, Any, Any, Any]] = []
@@ -110,41 +112,31 @@ class PathPanel:
 
     # --- planning -----------------------------------------------------------------------------------------
 
-    @property
-    def planning(self) -> bool:
-        """Whether a plan is in progress."""
-        return self._job is not None and self._job.is_alive()
-
     def plan(self) -> None:
         """Plan the path on a thread of its own; a plan in progress is cancelled first."""
         self.cancel()
-        if self._job is not None:
-            self._job.join()
-        self._cancel.clear()
+        self._cancel = cancel = threading.Event()
         self.progress.value = 0.0
         scene = self.view.pose.scene
-        self._job = threading.Thread(target=self._plan, args=(scene,), name="explorer-plan", daemon=True)
-        self._job.start()
+        self.planner.post("plan", lambda: self._plan(scene, cancel))
 
     def cancel(self) -> None:
         """Give up the plan in progress."""
         self._cancel.set()
 
-    def _plan(self, scene: rd.Scene | None) -> None:
+    def _plan(self, scene: rd.Scene | None, cancel: threading.Event) -> None:
         def report(share: float) -> None:
-            if self._cancel.is_set() or self.view.closed:
+            if cancel.is_set() or self.view.closed:
                 raise CancelledError
             self.progress.value = 100.0 * share
 
         try:
+            report(0.0)
             plan = self.model.replan(scene, report)
         except CancelledError:
-            self.view.post("planned", lambda: self.view.notice("the plan was cancelled"))
-        except Exception as error:  # shown in the page
-            failed = error
-            self.view.post("planned", lambda: self.view.failed(failed))
+            self.view.post("cancelled", lambda: self.view.notice("the plan was cancelled"))
         else:
-            self.view.post("planned", lambda: self.take(plan))
+            self.view.post("planned", lambda: None if cancel.is_set() else self.take(plan))
 
     def take(self, plan: rd.Plan) -> None:
         """Show a plan that was just made."""
@@ -152,7 +144,8 @@ class PathPanel:
         if not len(plan):
             self.view.notice(f"no plan: {plan.reason or plan.status}")
             return
-        self.view.notice("" if plan.legal else f"{plan.status}: {plan.reason}")
+        if not plan.legal:
+            self.view.notice(f"{plan.status}: {plan.reason}")
         self.model.take(plan, keep=bool(self.beside.value))
         self.push_path()
         self.push()
@@ -165,12 +158,18 @@ class PathPanel:
         poses = model.poses
         points = poses[:, :3, 3]
         drawing.lines(
-            scene, "/path", np.stack([points[:-1], points[1:]], axis=1), pictures.rgb(pictures.INK), 0.004 * reach
+            scene,
+            "/path",
+            np.stack([points[:-1], points[1:]], axis=1),
+            pictures.rgb(pictures.INK),
+            0.004 * reach,
         )
         few = poses[pictures.shown(len(poses), TOOL_AXES)] if len(poses) else poses
         axis = np.array([0.0, 0.0, 1.0]) if model.freedom is None else np.asarray(model.freedom.axis)
         tips = few[:, :3, 3] - 0.06 * reach * (few[:, :3, :3] @ axis)
-        drawing.lines(scene, "/tool_axes", np.stack([few[:, :3, 3], tips], axis=1), (110, 118, 128), 0.002 * reach)
+        drawing.lines(
+            scene, "/tool_axes", np.stack([few[:, :3, 3], tips], axis=1), (110, 118, 128), 0.002 * reach
+        )
         self._strip_cache = self._strip_data()
         if model.lines:
             top = top_of(model.duration)
@@ -188,7 +187,7 @@ class PathPanel:
         if self.second is None:
             aside = (0.0, ASIDE * body.reach, 0.0)
             self.second = drawing.ArmDrawing(
-                self.view.server.scene, "/second", body, drawing.SECOND_LINK, offset=aside
+                self.view.server.scene, "/second", body, drawing.SECOND_LINK, aside, self.model.links
             )
 
     def push(self, panels: bool = True) -> None:
@@ -269,11 +268,15 @@ class PathPanel:
         if scene.get_handle_by_name("/cone") is None:
             vertices, faces = shapes.cone(float(freedom.half_angle), 0.15 * self.view.pose.body.reach)
             axis = -np.asarray(freedom.axis, dtype=float)
-            from redundancy.explorer.arm import turned_z
 
             turn = rd.quaternion.to_matrix(turned_z(axis[None] / np.linalg.norm(axis))[0])
             scene.add_mesh_simple(
-                "/cone", vertices @ turn.T, faces, color=pictures.rgb(pictures.ORANGE), opacity=0.25, side="double"
+                "/cone",
+                vertices @ turn.T,
+                faces,
+                color=pictures.rgb(pictures.ORANGE),
+                opacity=0.25,
+                side="double",
             )
         handle = scene.get_handle_by_name("/cone")
         if handle is not None:

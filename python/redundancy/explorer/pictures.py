@@ -39,7 +39,9 @@ def figure(width: float, height: float, parts: Sequence[str], title: str) -> str
     )
 
 
-def text(x: float, y: float, words: str, anchor: str = "start", colour: str = INK, weight: str = "400") -> str:
+def text(
+    x: float, y: float, words: str, anchor: str = "start", colour: str = INK, weight: str = "400"
+) -> str:
     """A line of text."""
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{colour}" '
@@ -49,9 +51,8 @@ def text(x: float, y: float, words: str, anchor: str = "start", colour: str = IN
 
 def rect(x: float, y: float, width: float, height: float, colour: str) -> str:
     """A filled rectangle; never thinner than half a pixel, or it could not be seen."""
-    return (
-        f'<rect x="{x:.2f}" y="{y:.2f}" width="{max(width, 0.5):.2f}" height="{height:.2f}" fill="{colour}" shape-rendering="crispEdges"/>'
-    )
+    box = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0.5):.2f}" height="{height:.2f}"'
+    return f'<rect {box} fill="{colour}" shape-rendering="crispEdges"/>'
 
 
 def within_turn(arcs: Array, closed: bool) -> list[tuple[float, float]]:
@@ -108,7 +109,7 @@ def bands(
 def margins(names: Sequence[str], values: Array, shares: Array, prismatic: Sequence[bool]) -> str:
     """A bar per joint: where it is between its limits, coloured by its margin."""
     row, label, right = 15.0, 108.0, 62.0
-    parts, room = [], WIDTH - 108.0 - 62.0
+    parts, room = [], WIDTH - label - right
     for j, name in enumerate(names):
         y = 2.0 + row * j
         share, value = float(shares[j]), float(values[j])
@@ -175,7 +176,8 @@ def strip(
         if low <= level <= high:
             y = float(py(level))
             parts.append(
-                f'<path d="M{left} {y:.1f}H{WIDTH - 4}" stroke="{VERMILION}" stroke-width="1.5" stroke-dasharray="5 3"/>'
+                f'<path d="M{left} {y:.1f}H{WIDTH - 4}" stroke="{VERMILION}" stroke-width="1.5" '
+                'stroke-dasharray="5 3"/>'
             )
     for level in (low + pad, high - pad):
         parts.append(text(left - 4, float(py(level)) + 4, f"{level:.3g}", "end"))
@@ -240,12 +242,20 @@ def spare_map(
     for values, colour in lines:
         turned = (values + np.pi) % (2.0 * np.pi) - np.pi
         jumps = np.flatnonzero(np.abs(np.diff(turned)) > np.pi) + 1
-        parts.append(polyline(px(np.insert(s, jumps, s[jumps])), py(np.insert(turned, jumps, np.nan)), colour, 2.2))
+        parts.append(
+            polyline(px(np.insert(s, jumps, s[jumps])), py(np.insert(turned, jumps, np.nan)), colour, 2.2)
+        )
     if at is not None:
         x, y = float(px(at[0])), float(py((at[1] + np.pi) % (2.0 * np.pi) - np.pi))
         parts.append(f'<path d="M{x:.1f} {top}v{inner}" stroke="{INK}" stroke-width="1"/>')
-        parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{VERMILION}" stroke="#fff" stroke-width="2"/>')
-    for level, words in ((np.pi, "180\N{DEGREE SIGN}"), (0.0, "0\N{DEGREE SIGN}"), (-np.pi, "-180\N{DEGREE SIGN}")):
+        parts.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{VERMILION}" stroke="#fff" stroke-width="2"/>'
+        )
+    for level, words in (
+        (np.pi, "180\N{DEGREE SIGN}"),
+        (0.0, "0\N{DEGREE SIGN}"),
+        (-np.pi, "-180\N{DEGREE SIGN}"),
+    ):
         parts.append(text(left - 4, float(py(level)) + 4, words, "end"))
     height = top + inner + 16
     parts.append(text((left + WIDTH) / 2, height - 4, "along the path (m)", "middle"))

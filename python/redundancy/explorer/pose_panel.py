@@ -1,5 +1,6 @@
 """Pose mode: drag the tool, slide along the self-motion, see what the limits allow."""
 
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ class PosePanel:
     def __init__(self, view: "View", model: PoseModel) -> None:
         self.view, self.model = view, model
         gui, scene = view.server.gui, view.server.scene
-        self.arm = drawing.ArmDrawing(scene, "/arm", model.body)
+        self.arm = drawing.ArmDrawing(scene, "/arm", model.body, links=model.links)
         self.gizmo = scene.add_transform_controls(
             "/target",
             scale=0.3 * model.body.reach,
@@ -36,7 +37,9 @@ class PosePanel:
             wxyz=drawing.quaternion(model.target),
         )
         self.status = gui.add_html("")
-        self.piece = gui.add_dropdown("piece", (NO_PIECE,), hint="Every curve or point of configurations here")
+        self.piece = gui.add_dropdown(
+            "piece", (NO_PIECE,), hint="Every curve or point of configurations here"
+        )
         self.slider = gui.add_slider("along it", -180.0, 180.0, 0.1, 0.0, hint="Moves the arm, not the tool")
         self.bands = gui.add_html("")
         self.criterion = gui.add_dropdown("criterion", tuple(model.criteria))
@@ -86,7 +89,9 @@ class PosePanel:
     def move(self, position: Any, wxyz: Any) -> None:
         """The gizmo was dragged."""
         try:
-            pose = rd.pose(position, quaternion_wxyz=np.asarray(wxyz) / max(float(np.linalg.norm(wxyz)), 1e-300))
+            pose = rd.pose(
+                position, quaternion_wxyz=np.asarray(wxyz) / max(float(np.linalg.norm(wxyz)), 1e-300)
+            )
             self.model.move(pose)
         except (ValueError, rd.RedundancyError):
             self.gizmo.position = self.model.target[:3, 3]
@@ -224,6 +229,4 @@ def heading(words: str) -> str:
 
 def paragraph(words: str, colour: str) -> str:
     """A sentence, escaped."""
-    from html import escape
-
     return block(f'<span style="color:{colour}">{escape(words)}</span>')

@@ -172,7 +172,9 @@ def pose_of(obstacle: Any) -> Array:
         length = float(np.linalg.norm(along))
         if length > 0.0:
             out[:3, :3] = rd.quaternion.to_matrix(turned_z(along[None] / length)[0])
-        middle = obstacle.point if isinstance(obstacle, rd.HalfSpace) else 0.5 * (obstacle.start + obstacle.end)
+        middle = (
+            obstacle.point if isinstance(obstacle, rd.HalfSpace) else 0.5 * (obstacle.start + obstacle.end)
+        )
         out[:3, 3] = middle
     else:
         out = np.array(obstacle.pose)

@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import redundancy as rd
-from redundancy.explorer import drawing, shapes
-from redundancy.explorer.scene_model import SIZES, SceneModel
+from redundancy.explorer import drawing, pictures, shapes
 from redundancy.explorer.pose_panel import paragraph
-from redundancy.explorer import pictures
+from redundancy.explorer.scene_model import SIZES, SceneModel
 
 if TYPE_CHECKING:
     from redundancy.explorer.view import View
@@ -39,7 +38,11 @@ class ScenePanel:
         self.remove = gui.add_button("remove it", disabled=True)
         self.replan = gui.add_checkbox("re-plan on change", True)
         self.gizmo = scene.add_transform_controls(
-            "/obstacle_gizmo", scale=0.22 * view.pose.body.reach, line_width=3.0, depth_test=False, visible=False
+            "/obstacle_gizmo",
+            scale=0.22 * view.pose.body.reach,
+            line_width=3.0,
+            depth_test=False,
+            visible=False,
         )
         self._drawn: list[str] = []
         self._listen()
@@ -157,7 +160,9 @@ class ScenePanel:
     def carry(self, q: Any) -> None:
         """Draw obstacles that a link carries where the link is."""
         chain = self.view.pose.chain
-        for node, one, built in zip(self._drawn, self.model.obstacles, self.model.scene.obstacles, strict=False):
+        for node, one, built in zip(
+            self._drawn, self.model.obstacles, self.model.scene.obstacles, strict=False
+        ):
             link = one.attached_to
             handle = self.view.server.scene.get_handle_by_name(node) if link is not None else None
             if handle is None or link not in chain.link_names:

@@ -1,13 +1,15 @@
 """Triangles of what is drawn: unit bodies, and obstacles."""
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 import redundancy as rd
-from redundancy.explorer.arm import Array, turned_z
+from redundancy.explorer.arm import Array, Body, turned_z
 
 SIDES = 28
 """Corners of a round outline."""
@@ -67,13 +69,17 @@ def capsule(half: float, radius: float) -> tuple[Array, NDArray[np.uint32]]:
     faces = []
     for k in range(len(rings) - 1):
         a, b = k * SIDES, (k + 1) * SIDES
-        faces += [np.column_stack([a + here, b + here, b + after]), np.column_stack([a + here, b + after, a + after])]
+        faces += [
+            np.column_stack([a + here, b + here, b + after]),
+            np.column_stack([a + here, b + after, a + after]),
+        ]
     return np.vstack(rings), np.vstack(faces).astype(np.uint32)
 
 
 def box(half: Array) -> tuple[Array, NDArray[np.uint32]]:
     """With half extents `(3,)`; every face has its own corners."""
-    vertices, faces = [], []
+    vertices: list[Array] = []
+    faces: list[list[int]] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             u, v = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
@@ -96,6 +102,64 @@ def cone(half_angle: float, length: float) -> tuple[Array, NDArray[np.uint32]]:
     here = np.arange(SIDES)
     faces = np.column_stack([np.full(SIDES, SIDES), here, (here + 1) % SIDES])
     return np.vstack([ring, np.zeros((1, 3))]), faces.astype(np.uint32)
+
+
+@dataclass(frozen=True)
+class LinkShape:
+    """One shape of a link: the number of joints that move it, and its triangles in the frame that they move."""
+
+    joints_before: int
+    vertices: Array
+    faces: NDArray[np.uint32]
+
+
+def of_links(links: rd.LinkGeometry, body: Body) -> list[LinkShape]:
+    """The shapes of a geometry, each in the frame of `body` that moves with it (in the world for 0 joints)."""
+    text: str = links.__reduce__()[1][1]  # type: ignore[index,assignment]
+    q = np.zeros(body.chain.dof)
+    frames = body.frames(q)
+    out = []
+    for one, placed in zip(json.loads(text)["bodies"], links._placements(q.tolist()), strict=True):
+        vertices, faces = of_body(one["kind"], one["numbers"], float(one["radius"]))
+        at, before = np.array(placed), int(one["joints_before"])
+        if before > 0:
+            at = np.linalg.inv(frames[body.frame_after(before - 1)]) @ at
+        out.append(LinkShape(before, vertices @ at[:3, :3].T + at[:3, 3], faces))
+    return out
+
+
+def of_body(kind: str, numbers: Any, radius: float) -> tuple[Array, NDArray[np.uint32]]:
+    """Triangles of a shape in its own coordinates; a radius around a box, cylinder or hull is not drawn."""
+    if kind == "sphere":
+        return capsule(0.0, max(radius, THIN))
+    if kind == "capsule":
+        half = np.array(numbers)
+        length = float(np.linalg.norm(half))
+        vertices, faces = capsule(length, max(radius, THIN))
+        if length > 0.0:
+            vertices = vertices @ rd.quaternion.to_matrix(turned_z(half[None] / length)[0]).T
+        return vertices, faces
+    if kind == "box":
+        return box(np.maximum(numbers, THIN))
+    if kind == "cylinder":
+        vertices, faces = cylinder()
+        return vertices * np.maximum((numbers[0], numbers[0], 2.0 * numbers[1]), THIN), faces
+    return hull(np.array(numbers))
+
+
+def hull(points: Array) -> tuple[Array, NDArray[np.uint32]]:
+    """Triangles of a convex hull, seen from outside; flat ones are drawn as a small box around them."""
+    try:
+        found = ConvexHull(points)
+    except QhullError:
+        middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0)
+        vertices, faces = box(np.maximum(half, THIN))
+        return vertices + middle, faces
+    corners = points[found.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.einsum("ij,ij->i", normals, found.equations[:, :3]) < 0.0
+    faces = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
+    return points, faces.astype(np.uint32)
 
 
 def of_obstacle(obstacle: Any) -> Triangles:

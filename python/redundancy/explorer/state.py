@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import redundancy as rd
 from redundancy.explorer.model import RefusedError, checked_pose, checked_q, finite
+from redundancy.explorer.path_model import checked_speed
 
 if TYPE_CHECKING:
     from redundancy.explorer.view import View
@@ -23,6 +24,8 @@ def to_json(view: "View") -> str:
         "joint_names": pose.chain.joint_names,
         "target": pose.target.tolist(),
         "q": pose.q.tolist(),
+        "piece": None if pose.piece is None else pose.pieces[pose.piece].label,
+        "u": pose.u,
         "criterion": pose.criterion,
         "tilt": pose.tilt.tolist(),
         "spin": pose.spin,
@@ -47,20 +50,26 @@ def load(view: "View", text: str) -> None:
             f"the state is of the arm '{values.get('robot')}', this one is '{pose.chain.name}' with other joints"
         )
     target, q = checked_pose(values.get("target")), checked_q(pose.chain, values.get("q"))
-    tilt, spin = finite(values.get("tilt", [0.0, 0.0]), (2,), "tilt"), float(finite(values.get("spin", 0.0), (), "spin"))
-    time, speed = (float(finite(values.get(k, d), (), k)) for k, d in (("time", 0.0), ("speed", 1.0)))
+    tilt, spin = (
+        finite(values.get("tilt", [0.0, 0.0]), (2,), "tilt"),
+        float(finite(values.get("spin", 0.0), (), "spin")),
+    )
+    time, u = (float(finite(values.get(name, 0.0), (), name)) for name in ("time", "u"))
+    speed = checked_speed(values.get("speed", 1.0))
+    criterion, label = values.get("criterion", pose.criterion), values.get("piece")
+    if criterion not in pose.criteria:
+        raise RefusedError(f"the criterion {str(criterion)[:40]!r} is none of {', '.join(pose.criteria)}")
     try:
         scene = rd.Scene.from_json_string(json.dumps(values.get("scene", {"obstacles": []})))
     except rd.RedundancyError as error:
         raise RefusedError(f"the scene of the state: {error}") from error
-    criterion = values.get("criterion", pose.criterion)
-    pose.choose_criterion(criterion)
+    view.path_panel.cancel()  # a plan in progress is for other obstacles
     view.scene.set_scene(scene)
+    pose.choose_criterion(criterion)
     pose.set_scene(view.scene.scene)
     if pose.freedom is not None:
         pose.tilt, pose.spin = tilt, spin
-    pose.q = q
-    pose.move(target)
+    pose.restore(target, q, label if isinstance(label, str) else None, u)
     view.path.set_speed(speed)
     view.path.set_time(time)
     view.pose_panel.show_ghosts.value = bool(values.get("ghosts", True))

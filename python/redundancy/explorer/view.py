@@ -4,20 +4,21 @@ import contextlib
 import io
 import logging
 import threading
-import time
 import webbrowser
 from collections.abc import Callable
-from typing import Any
+from concurrent.futures import Future
+from typing import Any, TypeVar
 
+import imageio.v3
 import numpy as np
 import viser
 
 import redundancy as rd
 from redundancy.explorer import drawing, guard, pictures
-from redundancy.explorer.mailbox import Mailbox
 from redundancy.explorer import state as states
 from redundancy.explorer.arm import Array
 from redundancy.explorer.file_panel import FilePanel
+from redundancy.explorer.mailbox import Mailbox
 from redundancy.explorer.model import PoseModel
 from redundancy.explorer.path_model import PathModel
 from redundancy.explorer.path_panel import PathPanel, shares
@@ -25,6 +26,7 @@ from redundancy.explorer.pose_panel import PosePanel, paragraph
 from redundancy.explorer.scene_model import SceneModel
 from redundancy.explorer.scene_panel import ScenePanel
 
+T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
 PANEL_WIDTH = 400
 """Width of the panel, pixels."""
@@ -61,7 +63,9 @@ class View:
         self._closed = threading.Event()
         self.mailbox = Mailbox(self.failed)
         with _quiet():
-            self.server = viser.ViserServer(host=host, port=port, label=f"redundancy: {pose.chain.name}", verbose=False)
+            self.server: Any = viser.ViserServer(
+                host=host, port=port, label=f"redundancy: {pose.chain.name}", verbose=False
+            )
         guard.watch(self.server, self._refused)
         self.refused = 0
         self._host = host
@@ -86,7 +90,7 @@ class View:
     @property
     def url(self) -> str:
         """Address of the page."""
-        host = "localhost" if self._host in {"0.0.0.0", "::"} else self._host  # noqa: S104
+        host = "localhost" if self._host in {"0.0.0.0", "::"} else self._host
         return f"http://{host}:{self.server.get_port()}"
 
     def close(self) -> None:
@@ -94,6 +98,7 @@ class View:
         if self._closed.is_set():
             return
         self._closed.set()
+        self.path_panel.planner.close()
         self.mailbox.close()
         with _quiet():
             self.server.stop()
@@ -105,7 +110,7 @@ class View:
 
     def state(self) -> str:
         """What a user changed, as JSON text that `load` and the page read."""
-        return states.to_json(self)
+        return self.call(lambda: states.to_json(self))
 
     def load(self, text: str) -> None:
         """Restore what `state` returned.
@@ -113,7 +118,7 @@ class View:
         Raises:
             ValueError: No such JSON, or one of another arm; nothing is changed.
         """
-        states.load(self, text)
+        self.call(lambda: states.load(self, text))
 
     def picture(self, width: int = 1280, height: int = 800, seconds: float = 30.0) -> bytes:
         """A PNG of the scene as the first browser sees it, as bytes.
@@ -133,7 +138,7 @@ class View:
 
     def recording(self) -> str:
         """One HTML file that shows the first plan, or the arm along its self-motion, and needs no network."""
-        return record(self)
+        return self.call(lambda: record(self))
 
     def wait(self) -> None:
         """Serve until `close` or Ctrl-C."""
@@ -155,6 +160,31 @@ class View:
         """Do something on the explorer's thread, in order; a newer item replaces a waiting one of the same name."""
         self.mailbox.post(name, item)
 
+    def call(self, item: Callable[[], T]) -> T:
+        """Do something on the explorer's thread and wait for it; its exception is raised here."""
+        if self.mailbox.own_thread or self.closed:
+            return item()
+        out: Future[T] = Future()
+
+        def work() -> None:
+            try:
+                out.set_result(item())
+            except BaseException as error:  # raised by `result`
+                out.set_exception(error)
+
+        self.post(f"call {id(out)}", work)
+        return out.result()
+
+    def settle(self, seconds: float = 10.0) -> None:
+        """Wait until everything that was asked for is done, plans too.
+
+        Raises:
+            TimeoutError: It is not after that many seconds.
+        """
+        done = all(box.settle(seconds) for box in (self.mailbox, self.path_panel.planner, self.mailbox))
+        if not done:
+            raise TimeoutError(f"the explorer is still busy after {seconds} s")
+
     def on(self, handle: Any, name: str, action: Callable[[Any], None]) -> None:
         """Call `action` with the value of a control when a browser changes it."""
 
@@ -163,7 +193,12 @@ class View:
             if event.client is None:  # set by the server itself
                 return
             value = event.target.value
-            self.post(name, lambda: action(value))
+
+            def act() -> None:
+                self.notice("")
+                action(value)
+
+            self.post(name, act)
 
     def notice(self, words: str) -> None:
         """Show a message above the panels, in every browser; an empty one clears it."""
@@ -228,6 +263,7 @@ class View:
         self.post("refused", lambda: self.notice(words))
 
     def failed(self, error: Exception) -> None:
+        """Say in the page what went wrong; what is no mistake of the user's is logged as well."""
         if not isinstance(error, ValueError | rd.RedundancyError):
             _log.exception("in the explorer", exc_info=error)
         with contextlib.suppress(Exception):  # the page may be gone
@@ -236,8 +272,6 @@ class View:
 
 def picture_bytes(client: Any, width: int, height: int, seconds: float) -> bytes:
     """A PNG of the scene from a browser."""
-    import imageio.v3
-
     pixels = client.get_render(height=height, width=width, transport_format="png", timeout=seconds)
     # Where nothing is drawn the picture is transparent: white, as in the page.
     solid = pixels[..., 3:] / 255.0
@@ -284,9 +318,3 @@ def show_in_browser(url: str) -> None:
         webbrowser.open(url)
 
 
-def settle(view: View, seconds: float = 10.0) -> None:
-    """Wait until everything that browsers asked for is done."""
-    end = time.monotonic() + seconds
-    while not view.mailbox.settle(0.1):
-        if time.monotonic() > end:
-            raise TimeoutError(f"the explorer is still busy after {seconds} s")
