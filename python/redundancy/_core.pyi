@@ -1303,8 +1303,6 @@ class LinkGeometry:
     def capsules(self) -> list[tuple[str, float]]:
         """Name of the link and radius (m) of each capsule and sphere."""
     def __len__(self) -> int: ...
-    def _placements(self, q: list[float]) -> list[list[list[float]]]:
-        """Where the own coordinates of each shape are in the world, in the order in which pickling writes them."""
     @staticmethod
     def _from_parts(chain: Chain, text: str) -> LinkGeometry: ...
 

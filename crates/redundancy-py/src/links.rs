@@ -315,12 +315,6 @@ impl PyLinkGeometry {
         )
     }
 
-    /// Where the own coordinates of each shape are in the world, in the order in which pickling writes them.
-    fn _placements(&self, q: Vec<f64>) -> PyResult<Vec<[[f64; 4]; 4]>> {
-        let poses = self.geometry.placements(&self.chain.get().chain, &q).map_err(to_py)?;
-        Ok(poses.iter().map(|at| at.to_homogeneous().transpose().into()).collect())
-    }
-
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Py<PyChain>, String))> {
         let make = py.get_type::<Self>().getattr("_from_parts")?;
         Ok((make, (self.chain.clone_ref(py), self.geometry.to_json())))

@@ -17,6 +17,8 @@ RINGS = 7
 """Rings of a half sphere."""
 SHOWN_PLANE = 2.0
 """Half of the edge of the square that stands for a half-space, m."""
+SAME_PLACE = 1e-9
+"""Distance below which two points, or two unit vectors, are the same."""
 THIN = 1e-3
 """Size below which a body is drawn with this size, m: it could not be seen."""
 
@@ -114,18 +116,63 @@ class LinkShape:
 
 
 def of_links(links: rd.LinkGeometry, body: Body) -> list[LinkShape]:
-    """The shapes of a geometry, each in the frame of `body` that moves with it (in the world for 0 joints)."""
-    text: str = links.__reduce__()[1][1]  # type: ignore[index,assignment]
-    q = np.zeros(body.chain.dof)
-    frames = body.frames(q)
+    """The shapes of a geometry, each in the frame of `body` that moves with it (in the world for 0 joints).
+
+    A geometry keeps them in the frames of the joints, with z along the joint's axis. Where those are not the frames of
+    the links with that turn (arms of Denavit-Hartenberg rows), nothing is returned and rods are drawn.
+    """
+    frames = body.frames(np.zeros(body.chain.dof))
+    turns = joint_frames(body, frames)
+    if turns is None:
+        return []
     out = []
-    for one, placed in zip(json.loads(text)["bodies"], links._placements(q.tolist()), strict=True):
+    for one in kept(links):
         vertices, faces = of_body(one["kind"], one["numbers"], float(one["radius"]))
-        at, before = np.array(placed), int(one["joints_before"])
+        before = int(one["joints_before"])
+        turn = np.array(one["rotation"]).reshape(3, 3).T  # column by column
+        vertices = vertices @ turn.T + np.array(one["origin"])
         if before > 0:
-            at = np.linalg.inv(frames[body.frame_after(before - 1)]) @ at
-        out.append(LinkShape(before, vertices @ at[:3, :3].T + at[:3, 3], faces))
+            vertices = vertices @ turns[before - 1].T
+        out.append(LinkShape(before, vertices, faces))
     return out
+
+
+def kept(links: rd.LinkGeometry) -> list[dict[str, Any]]:
+    """The shapes as a geometry pickles them."""
+    text: Any = links.__reduce__()[1]
+    shapes: list[dict[str, Any]] = json.loads(text[1])["bodies"]
+    return shapes
+
+
+def joint_frames(body: Body, frames: Array) -> list[Array] | None:
+    """Per joint the rotation from its own frame, z along its axis, to the link that it moves; None where that is not so.
+
+    Checked with the capsules from joint to joint, whose ends are known in both frames.
+    """
+    chain = body.chain
+    jacobian = chain.jacobian(np.zeros(chain.dof))
+    turns = []
+    for j in range(chain.dof):
+        column = jacobian[3:, j] if np.linalg.norm(jacobian[3:, j]) > 0.5 else jacobian[:3, j]
+        turns.append(axis_onto_z(frames[body.frame_after(j)][:3, :3].T @ column))
+    for one in kept(rd.LinkGeometry(chain, body.radius)):
+        j = int(one["joints_before"]) - 1
+        at = frames[body.frame_after(j)]
+        end = at[:3, :3] @ turns[j] @ (2.0 * np.array(one["origin"])) + at[:3, 3]
+        expected = frames[body.frame_after(j + 1)][:3, 3] if j + 1 < chain.dof else frames[-1][:3, 3]
+        if np.linalg.norm(end - expected) > SAME_PLACE:
+            return None
+    return turns
+
+
+def axis_onto_z(axis: Array) -> Array:
+    """The rotation whose z is an axis and whose x and y the library chooses for it; the identity for z itself."""
+    z = axis / np.linalg.norm(axis)
+    if np.linalg.norm(z - np.array([0.0, 0.0, 1.0])) < SAME_PLACE:
+        return np.eye(3)
+    y = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    y /= np.linalg.norm(y)
+    return np.column_stack([np.cross(y, z), y, z])
 
 
 def of_body(kind: str, numbers: Any, radius: float) -> tuple[Array, NDArray[np.uint32]]:

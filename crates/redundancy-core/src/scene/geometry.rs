@@ -8,8 +8,7 @@ use super::pairs::{self, Found, Links, Reason};
 use super::solid::Solid;
 use crate::chain::{Chain, JointKind};
 use crate::error::{Error, Result, check_finite};
-use crate::kinematics::Scratch;
-use crate::pose::{Pose, check_pose, pose};
+use crate::pose::{Pose, check_pose};
 use crate::tolerance::{LINK_LENGTH, SCENE_SIZE};
 
 /// The shapes of the links of an arm, and the pairs of links that must not touch. Immutable and cheap to clone.
@@ -106,20 +105,6 @@ impl LinkGeometry {
         pairs.sort_unstable();
         inner.left_out.extend(found.left_out.into_iter().filter(|(pair, _)| mine(pair)));
         Ok(Self { inner: Arc::new(inner) })
-    }
-
-    /// Where each shape's own coordinates are in the world, in the order of [`LinkGeometry::to_json`]: for drawing.
-    ///
-    /// # Errors
-    /// A length of `q` that does not fit the chain, an entry that is not finite.
-    pub fn placements(&self, chain: &Chain, q: &[f64]) -> Result<Vec<Pose>> {
-        let mut scratch = Scratch::new(chain);
-        let kinematics = chain.kinematics(q, &mut scratch)?;
-        let place = |body: &Body| {
-            let (frame, solid) = (body.placement(&kinematics), &body.solid);
-            pose(frame.rotation * solid.rotation, frame.origin + frame.rotation * solid.origin)
-        };
-        Ok(self.inner.bodies.iter().map(place).collect())
     }
 
     /// With one more capsule, given in the frame of a link (see [`Chain::link_index`]).
