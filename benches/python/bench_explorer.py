@@ -1,4 +1,4 @@
-"""From a gizmo or slider that moved to the new configuration in the explorer; medians in ms, in one process without a browser."""
+"""From a moved gizmo or slider to the new configuration in the explorer: ms, in one process, without a browser."""
 
 import time
 
@@ -35,7 +35,9 @@ def main():
             model.move(pose)
 
         print(f"{name:10}{'gizmo to configuration':34}{measured(move)}")
-        print(f"{'':10}{'slider to configuration':34}{measured(lambda k, m=model: m.slide(-3.0 + 0.012 * k))}")
+        print(
+            f"{'':10}{'slider to configuration':34}{measured(lambda k, m=model: m.slide(-3.0 + 0.012 * k))}"
+        )
         view = rd.explore(chain, port=0, open_browser=False)
         with view:
             wxyz, at = drawing.quaternion(view.pose.target), view.pose.target[:3, 3].copy()
@@ -44,7 +46,9 @@ def main():
                 f"{'':10}{'gizmo to everything sent':34}"
                 f"{measured(lambda k, p=panel, a=at, w=wxyz: p.move(a + 0.03 * np.sin(0.05 * k + np.arange(3.0)), w))}"
             )
-            print(f"{'':10}{'slider to everything sent':34}{measured(lambda k, p=panel: p.slide(-170.0 + 0.6 * k))}")
+            print(
+                f"{'':10}{'slider to everything sent':34}{measured(lambda k, p=panel: p.slide(-170.0 + 0.6 * k))}"
+            )
 
 
 if __name__ == "__main__":

@@ -450,17 +450,21 @@ def _swivel(
     for at, text in marks:
         axis.axvline(at, color=_EVENT, lw=1, ls="--")
         if text:
-            axis.annotate(text, (at, top - 0.03 * (top - bottom)), fontsize=8, color=_EVENT, va="top", rotation=90)
+            axis.annotate(
+                text, (at, top - 0.03 * (top - bottom)), fontsize=8, color=_EVENT, va="top", rotation=90
+            )
     axis.set_xlim(s[0], s[0] + width)
     axis.set_ylim(bottom, top)
-    axis.yaxis.set_major_locator(MultipleLocator(_HALF_TURN / 2 if top - bottom < 4 * _HALF_TURN else 2 * _HALF_TURN))
+    axis.yaxis.set_major_locator(
+        MultipleLocator(_HALF_TURN / 2 if top - bottom < 4 * _HALF_TURN else 2 * _HALF_TURN)
+    )
     _plain(axis)
     axis.grid(visible=False)
 
 
 def unwrapped(angles: ArrayLike) -> NDArray[np.float64]:
     """Angles (rad) in degrees without jumps of a turn; values that are not finite stay gaps."""
-    out = np.rad2deg(np.asarray(angles, dtype=float))
+    out: NDArray[np.float64] = np.rad2deg(np.asarray(angles, dtype=float))
     good = np.isfinite(out)
     out[good] = np.unwrap(out[good], period=2 * _HALF_TURN)
     return out

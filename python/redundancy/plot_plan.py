@@ -55,7 +55,8 @@ def speed(chain: rd.Chain, plan: rd.Plan) -> Figure:
         limit = chain.velocity_limit[i]
         share = np.abs(steps[:, i]) / (limit if np.isfinite(limit) else 1.0)
         colour, style = PALETTE[i % len(PALETTE)], STYLES[i % len(STYLES)]
-        ax.plot(middle, share, color=colour, ls=style, lw=1.2, label=name if np.isfinite(limit) else f"{name} (rad/s or m/s)")
+        label = name if np.isfinite(limit) else f"{name} (rad/s or m/s)"
+        ax.plot(middle, share, color=colour, ls=style, lw=1.2, label=label)
     top = max((float(line.get_ydata().max()) for line in ax.lines), default=1.0)
     ax.set_ylim(0.0, 1.1 * max(top, 1.0 if top > IN_VIEW else 0.0, 1e-3))
     if top > IN_VIEW:

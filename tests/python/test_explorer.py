@@ -5,9 +5,11 @@ import threading
 
 import numpy as np
 import pytest
+from arms import example_robots
 
 import redundancy as rd
 from redundancy.explorer import pictures
+from redundancy.explorer.arm import Body
 from redundancy.explorer.mailbox import Mailbox
 from redundancy.explorer.model import PoseModel, RefusedError, inside
 from redundancy.explorer.path_model import PathModel, merged
@@ -150,6 +152,25 @@ def test_values_that_are_no_numbers_are_refused(value):
     with pytest.raises(RefusedError):
         model.move(pose)
     np.testing.assert_array_equal(model.q, q)
+
+
+def test_the_shapes_of_links_are_drawn_where_they_are():
+    shapes = pytest.importorskip("redundancy.explorer.shapes", reason="the extra 'explorer' is not installed")
+    file = example_robots() / "panda_description" / "urdf" / "panda.urdf"
+    chain = rd.Chain.from_urdf(file, "panda_link0", "panda_hand")
+    links = rd.LinkGeometry.from_urdf(chain, file, package_dirs=[example_robots().parents[1]])
+    body = Body(chain)
+    drawn = shapes.of_links(links, body)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        q = chain.lower + rng.uniform(0.2, 0.8, 7) * (chain.upper - chain.lower)
+        one = drawn[rng.integers(len(drawn))]
+        corner = one.vertices[one.faces[rng.integers(len(one.faces)), 0]]
+        if one.joints_before:
+            at = body.frames(q)[body.frame_after(one.joints_before - 1)]
+            corner = at[:3, :3] @ corner + at[:3, 3]
+        # A corner of a drawn triangle is a point of the geometry: the distance from it is 0, or another link covers it.
+        assert rd.Scene([rd.Sphere(corner, 0.0)]).clearance(chain, q, links).distance < 1e-9
 
 
 # --- path ---------------------------------------------------------------------------------------------------

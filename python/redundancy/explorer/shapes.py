@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, QhullError  # type: ignore[import-untyped]
 
 import redundancy as rd
 from redundancy.explorer.arm import Array, Body, turned_z
@@ -145,7 +145,7 @@ def kept(links: rd.LinkGeometry) -> list[dict[str, Any]]:
 
 
 def joint_frames(body: Body, frames: Array) -> list[Array] | None:
-    """Per joint the rotation from its own frame, z along its axis, to the link that it moves; None where that is not so.
+    """Per joint the rotation from its own frame, z along its axis, to the link that it moves; None if it is not one.
 
     Checked with the capsules from joint to joint, whose ends are known in both frames.
     """

@@ -316,5 +316,3 @@ def show_in_browser(url: str) -> None:
     """Open the page; a machine without a browser is none of our business."""
     with contextlib.suppress(webbrowser.Error):
         webbrowser.open(url)
-
-
