@@ -173,6 +173,22 @@ def test_the_shapes_of_links_are_drawn_where_they_are():
         assert rd.Scene([rd.Sphere(corner, 0.0)]).clearance(chain, q, links).distance < 1e-9
 
 
+def test_bands_of_the_spin_hold_configurations():
+    model = PoseModel(rd.catalog.load("ur5e"), freedom=rd.ToolFreedom(0.0, "free"))
+    parts = model.spin_bands()
+    assert parts
+    for spin in np.linspace(-3.1, 3.1, 23):
+        model.turn_tool(spin=float(spin))
+        held = model.reached and bool((model.margins >= -MET).all())
+        if min(abs(spin - edge) for part in parts for edge in part) > 0.06:
+            assert held == any(low <= spin <= high for low, high in parts)
+    # Another pose of the target, so that some spins are out of reach or limits.
+    model = PoseModel(rd.catalog.load("iiwa14"), freedom=rd.ToolFreedom(0.1, 1.0))
+    spin = model.spin
+    assert all(-1.0 <= low <= high <= 1.0 for low, high in model.spin_bands())
+    assert model.spin == spin
+
+
 # --- path ---------------------------------------------------------------------------------------------------
 
 
@@ -375,6 +391,50 @@ def test_planning_again_reports_progress_and_can_be_cancelled(view):
     assert view.path_panel.progress.value == 100.0
 
 
+def test_two_plans_stand_side_by_side():
+    pytest.importorskip("viser", reason="the extra 'explorer' is not installed")
+    chain, path, freedom = rd.catalog.load("iiwa14"), raster(), rd.ToolFreedom(0.2, "free")
+    plans = [rd.plan(chain, path), rd.plan(chain, path, freedom)]
+    with rd.explore(chain, path=path, plan=plans, port=0, open_browser=False, freedom=freedom) as view:
+        assert view.path_panel.second is not None
+        view.call(lambda: view.path_panel.seek(0.5 * view.path.duration))
+        tool = view.path_panel.second.tool.position
+        second = chain.forward(view.path.lines[1].at(view.path.time))[:3, 3]
+        np.testing.assert_allclose(tool, second, atol=MET)
+        assert view.path_panel.second.root.position[1] > view.pose.body.reach
+        assert "plan 2" in view.path_panel.status.content
+        assert "clearance" not in view.path_panel.strips.content
+        assert view.server.scene.get_handle_by_name("/cone") is not None
+
+
+def test_the_command_serves_until_it_is_interrupted(tmp_path):
+    pytest.importorskip("viser", reason="the extra 'explorer' is not installed")
+    import os
+    import signal
+    import subprocess
+    import sys
+    import urllib.request
+
+    file = tmp_path / "path.csv"
+    raster().to_csv(file)
+    command = [sys.executable, "-m", "redundancy", "explore", "--robot", "ur5e", "--path", str(file)]
+    process = subprocess.Popen(
+        [*command, "--spin", "free", "--port", "0", "--no-browser"],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        url = process.stdout.readline().split()[0]
+        with urllib.request.urlopen(url) as page:
+            assert page.status == 200
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+        process.stdout.close()
+
+
 def test_malformed_messages_end_nothing(view):
     import msgspec
     import viser
@@ -464,3 +524,72 @@ def test_the_missing_extra_is_named():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "extra 'explorer'" in out.stdout
+
+
+def test_a_soak_leaves_no_queue_and_no_memory(view):
+    """Ten minutes of a dragged gizmo with REDUNDANCY_TEST_FULL=1, some hundred moves without it."""
+    import os
+    import time
+
+    import msgspec
+    import viser
+    from websockets.sync.client import connect
+
+    full = os.environ.get("REDUNDANCY_TEST_FULL") == "1"
+    encode = msgspec.msgpack.encode
+    camera = {
+        "type": "ViewerCameraMessage",
+        **{"wxyz": [1, 0, 0, 0], "position": [2, 2, 2], "look_at": [0, 0, 0], "up_direction": [0, 0, 1]},
+        **{"fov": 1.0, "near": 0.01, "far": 100.0, "image_height": 400, "image_width": 400},
+    }
+    start, waiting, sizes, moves = view.pose.target.copy(), 0, [], 0
+    wxyz = rd.quaternion.from_matrix(start[:3, :3]).tolist()
+    end = time.monotonic() + (600.0 if full else 1.0)
+    with connect(
+        view.url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None
+    ) as s:
+        reader = threading.Thread(target=lambda: [None for _ in s], daemon=True)
+        reader.start()
+        s.send(encode(camera))
+        while time.monotonic() < end:
+            position = (start[:3, 3] + 0.05 * np.sin(0.02 * moves + np.arange(3.0))).tolist()
+            s.send(
+                encode(
+                    {
+                        "type": "TransformControlsUpdateMessage",
+                        "name": "/target",
+                        "wxyz": wxyz,
+                        "position": position,
+                    }
+                )
+            )
+            moves += 1
+            waiting = max(waiting, len(view.mailbox))
+            threading.Event().wait(0.005)
+            if moves % 2000 == 0:
+                sizes.append((resident(), len(view.server._websock_server._broadcast_buffer.message_from_id)))
+        assert reader.is_alive()
+        wanted = np.array(position)
+        for _ in range(200):
+            view.settle()
+            if np.allclose(view.pose.target[:3, 3], wanted, atol=MET):
+                break
+            threading.Event().wait(0.02)
+        np.testing.assert_allclose(view.pose.target[:3, 3], wanted, atol=MET)
+    reader.join(10.0)
+    assert moves > 20
+    assert waiting <= 2
+    np.testing.assert_allclose(view.pose.chain.forward(view.pose.q), view.pose.target, atol=MET)
+    if full:
+        settled = sizes[len(sizes) // 4 :]
+        assert settled[-1][0] - settled[0][0] < 20e6, sizes
+        assert settled[-1][1] - settled[0][1] < 200, sizes
+
+
+def resident():
+    """Memory of this process, bytes."""
+    import os
+    from pathlib import Path
+
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")

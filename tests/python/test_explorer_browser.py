@@ -6,6 +6,7 @@ With REDUNDANCY_DOCS_IMAGES=1 the pictures of docs/explorer.md are written, at 1
 import os
 import shutil
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -61,8 +62,12 @@ class Page:
 
     def ready(self):
         self.page.get_by_text("kind of optimum").wait_for()
+        return self.quiet()
+
+    def quiet(self):
+        """Without notices, such as the one that the browser draws in software."""
         close = self.page.locator("[class*=Notification-closeButton]")
-        if close.count():  # the notice that the browser draws in software
+        for _ in range(close.count()):
             close.first.click()
         return self
 
@@ -70,8 +75,10 @@ class Page:
         self.page.get_by_role("tab", name=name).click()
 
     def input(self, label):
-        row = self.page.locator("div").filter(has=self.page.get_by_text(label, exact=True))
-        return row.locator("input[type=text]").last
+        row = self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::div[.//input[@type='text']][1]"
+        )
+        return row.locator("input[type=text]").first
 
     def frames(self, count=2):
         self.page.evaluate(
@@ -91,12 +98,13 @@ def page(chromium, view):
 
 
 def eventually(condition, seconds=20.0):
-    """Wait for the server."""
-    for _ in range(int(seconds / 0.02)):
-        if condition():
-            return True
+    """Wait until something holds; False after a while."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
         threading.Event().wait(0.02)
-    return False
+    return True
 
 
 def on_screen(view, points):
@@ -246,7 +254,7 @@ def test_pictures_of_each_mode(page, view, tmp_path):
     for mode in ("Pose", "Path", "Scene"):
         opened.tab(mode)
         view.call(lambda mode=mode: view.scene_panel.select("ball" if mode == "Scene" else "none"))
-        opened.frames(4)
+        opened.quiet().frames(4)
         file = folder / f"explorer_{mode.lower()}.png"
         opened.page.screenshot(path=file, timeout=WAIT)
         assert file.stat().st_size > 20_000
@@ -268,8 +276,13 @@ def test_a_recording_opens_from_a_file(chromium, view, tmp_path):
     file.write_text(view.recording())
     opened = Page(chromium, file.as_uri(), {"width": 480, "height": 360})
     opened.page.locator("canvas").first.wait_for()
-    opened.page.get_by_role("slider").first.wait_for()
-    opened.frames(3)
+    opened.frames(6)
+    import imageio.v3
+
+    pixels = imageio.v3.imread(opened.page.screenshot(timeout=WAIT))[..., :3]
+    assert (
+        pixels.reshape(-1, 3).std(axis=1) > 20
+    ).sum() > 100  # the joints are coloured, the background is not
     assert not opened.errors
     assert all(url.startswith(("file:", "blob:", "data:")) for url in opened.requests), opened.requests
     opened.close()

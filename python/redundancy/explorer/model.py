@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 import redundancy as rd
 from redundancy.explorer.arm import Array, Body
 
+SPIN_STEP = np.deg2rad(3.0)
+"""Step between the spins that are tried, rad."""
 CURVE_SAMPLES = 181
 """Points of the elbow's curve."""
 POSTURES = 400
@@ -200,6 +202,29 @@ class PoseModel:
         if self.piece is None:
             return np.zeros(len(u), dtype=bool)
         return inside(self._arcs[self.piece], u, self._pieces[self.piece].closed)
+
+    def spin_bands(self) -> list[tuple[float, float]]:
+        """Spins of the tool with a configuration within the limits, by samples; none without a closed form."""
+        freedom = self.freedom
+        if freedom is None or freedom.spin == 0.0 or self.arm is self.chain:
+            return []
+        most = np.pi if freedom.spin == "free" else float(freedom.spin)
+        kept, spins = self.spin, np.linspace(-most, most, max(3, int(np.ceil(2.0 * most / SPIN_STEP)) + 1))
+        good = []
+        for spin in spins:
+            self.spin = float(spin)
+            pieces = rd.solutions(self.arm, self.wanted, task=self.task).pieces
+            good.append(any(len(piece.intervals()) for piece in pieces))
+        self.spin = kept
+        half = 0.5 * float(spins[1] - spins[0])
+        parts: list[tuple[float, float]] = []
+        for spin in spins[np.array(good)]:
+            low, high = max(float(spin) - half, -most), min(float(spin) + half, most)
+            if parts and low <= parts[-1][1] + half:
+                parts[-1] = (parts[-1][0], high)
+            else:
+                parts.append((low, high))
+        return parts
 
     def curve(self) -> tuple[str, Array, NDArray[np.bool_]]:
         """The elbow along the present piece: the frame's name, `(N, 3)`, and whether the limits hold there."""

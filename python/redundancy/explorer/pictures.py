@@ -101,6 +101,11 @@ def bands(
     y = top + row * len(rows) + 12
     closed_rows = bool(rows) and all(closed for _, _, _, closed in rows)
     ends = ("-180\N{DEGREE SIGN}", "180\N{DEGREE SIGN}") if closed_rows else ("start", "end")
+    if len(rows) == 1 and not closed_rows and rows[0][2][0] == -rows[0][2][1]:
+        ends = (
+            f"{np.degrees(rows[0][2][0]):.0f}\N{DEGREE SIGN}",
+            f"{np.degrees(rows[0][2][1]):.0f}\N{DEGREE SIGN}",
+        )
     parts += [text(LABEL, y, ends[0]), text(WIDTH, y, ends[1], "end")]
     parts.append(text((LABEL + WIDTH) / 2, y, unit, "middle"))
     return figure(WIDTH, height, parts, "where all joint limits hold along each self-motion")

@@ -46,6 +46,7 @@ class PosePanel:
         self.buttons = gui.add_button_group("go to", ("best", "nearest"))
         self.show_ghosts = gui.add_checkbox("other branches as ghosts", True)
         self.freedom = self._freedom_controls(gui)
+        self.spin_band = gui.add_html("") if "spin" in self.freedom else None
         self.facts = gui.add_html("")
         self._listen()
         self.push()
@@ -191,6 +192,13 @@ class PosePanel:
         ]
         unit = model.parameter if model.parameter == "swivel" else "along the self-motion"
         self.bands.content = pictures.bands(rows, model.piece, model.u, unit) if rows else ""
+        if self.spin_band is not None:
+            parts = np.array(model.spin_bands()).reshape(-1, 2)
+            most = float(np.deg2rad(self.freedom["spin"].max))
+            row = ("spin", parts, (-most, most), False)
+            self.spin_band.content = pictures.bands(
+                [row], 0, model.spin, "reachable within the limits (samples)"
+            )
         facts = model.facts()
         self.view.nearest_line(facts.nearest)
         self.facts.content = self._figures(facts)
