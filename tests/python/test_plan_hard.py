@@ -57,7 +57,7 @@ def reaches(chain: rd.Chain, path: rd.Path, radius: float) -> int | None:
 @pytest.mark.parametrize("case", SOME, ids=lambda case: str(case["number"]))
 def test_hard_rasters(panda: rd.Chain, case: dict[str, Any]) -> None:
     path = path_of(case)
-    plan = rd.plan(panda, path, velocity_limits=None, time_limit=60.0)
+    plan = rd.plan(panda, path, velocity_limits=None, time_limit=600.0)
     # With reconfigurations or without: all rows are there, within limits, and on the path.
     assert (plan.q >= panda.lower).all()
     assert (plan.q <= panda.upper).all()
