@@ -1,7 +1,7 @@
 //! What has to hold for any input: properties of the readers and of the numeric entry points.
 //!
-//! Each function takes the bytes of the fuzzer and panics where a property does not hold. The tests below run them on the
-//! stored corpus and on seeded random bytes, without a fuzzer.
+//! Each function takes any bytes and panics where a property does not hold. The tests below run them on the
+//! stored corpus and on seeded random bytes.
 
 pub mod numeric;
 pub mod readers;
@@ -26,7 +26,7 @@ pub const TARGETS: [Target; 13] = [
     ("velocity", crate::numeric::velocity),
 ];
 
-/// Numbers taken from the bytes of the fuzzer, one after the other.
+/// Numbers taken from the bytes, one after the other.
 pub struct Numbers<'a> {
     bytes: &'a [u8],
 }
@@ -89,7 +89,9 @@ mod tests {
             for length in 0..100 {
                 let bytes: Vec<u8> = (0..length)
                     .map(|_| {
-                        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                        state = state
+                            .wrapping_mul(6_364_136_223_846_793_005)
+                            .wrapping_add(1_442_695_040_888_963_407);
                         (state >> 56) as u8
                     })
                     .collect();

@@ -1,6 +1,6 @@
-//! The properties on mutated corpus files, without a fuzzer: `soak SECONDS SEED TARGET...`. Prints executions per target.
+//! The properties on mutated corpus files: `soak SECONDS SEED TARGET...`. Prints executions per target.
 //!
-//! It knows nothing of coverage, so it finds less than `cargo fuzz`, but it needs no instrumented build. The last input is
+//! It knows nothing of coverage, so it finds less than a fuzzer with an instrumented build would. The input is
 //! written to `soak-TARGET-SEED.bin` when a property fails.
 
 use std::panic::catch_unwind;

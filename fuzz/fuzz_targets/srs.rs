@@ -1,4 +1,0 @@
-//! See `redundancy_fuzz::numeric::srs`.
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|data: &[u8]| redundancy_fuzz::numeric::srs(data));
