@@ -2821,7 +2821,7 @@ def pose_metrics(
         >>> import redundancy as rd
         >>> chain = rd.catalog.load("iiwa14")
         >>> pose = chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9])
-        >>> float(rd.maps.metrics(chain, pose, ["margin"])["margin"][0]) > 1.5
+        >>> float(rd.maps.metrics(chain, pose, ["margin"])["margin"][0]) > 0.5
         True
     """
 

@@ -155,8 +155,8 @@ def capability(
         ModuleNotFoundError: The extra `maps` is missing.
 
     Example:
-        >>> import tempfile, redundancy as rd  # doctest: +SKIP
-        >>> job = rd.maps.capability(rd.catalog.load("iiwa14"), out=tempfile.mkdtemp() + "/map.zarr", spacing=0.2)
+        >>> import redundancy as rd
+        >>> job = rd.maps.capability(rd.catalog.load("iiwa14"), "map.zarr", spacing=0.2)  # doctest: +SKIP
         >>> job.open().reach_share  # doctest: +SKIP
     """
     import_zarr()

@@ -175,10 +175,10 @@ def place(
     """Find where the base of an arm should stand for a path or a set of poses.
 
     Placements are the points of a grid of `region` with `yaw_steps` turns about the world's z axis, applied to the
-    chain's own base. First the core gives the largest margin from the joint limits over points of the path: the least of
-    them bounds the margin of every plan from there, and rules out placements without a configuration. The others go to
-    `rd.plan`, best bound first, until no other one can be among the best ten. Then the best one is refined by a pattern
-    search without derivatives.
+    chain's own base. First the core gives the largest margin from the joint limits over points of the path: the least
+    of them bounds the margin of every plan from there, and rules out placements without a configuration. The others go
+    to `rd.plan`, best bound first, until no other one can be among the best ten. Then the best one is refined by a
+    pattern search without derivatives.
 
     Args:
         chain: The arm, a `Chain` or an arm with a closed form.
