@@ -1,5 +1,8 @@
 """Chunks through Dask: a few per thread at a time, each again when its worker dies."""
 
+import asyncio
+import concurrent.futures
+import contextlib
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,6 +17,8 @@ AHEAD = 4
 """Chunks per thread of the workers that wait at the scheduler."""
 MOST_DEATHS = 20
 """Workers that may die under one chunk before the job gives up."""
+LOST = (OSError, RuntimeError, asyncio.CancelledError, concurrent.futures.CancelledError)
+"""What calls of a client raise whose scheduler is gone; some of it is no `Exception`."""
 SILENCE = 60.0
 """Seconds without workers or scheduler after which the job gives up."""
 
@@ -85,7 +90,6 @@ class _Waiting:
     def results(self) -> Iterator[int]:
         """Numbers of chunks as they are done."""
         import distributed  # noqa: PLC0415 - an extra
-        from distributed.comm.core import CommClosedError  # noqa: PLC0415
 
         wait: Any = distributed.wait
 
@@ -96,9 +100,8 @@ class _Waiting:
                     wait(list(self.futures), timeout=1.0, return_when="FIRST_COMPLETED")
             except TimeoutError:
                 pass
-            except (OSError, CommClosedError, RuntimeError) as error:
+            except LOST as error:
                 self._silent(error)
-                continue
             ready = [future for future in self.futures if future.status != "pending"]
             if ready or self._alive():
                 self.heard = time.monotonic()
@@ -114,10 +117,10 @@ class _Waiting:
     def _alive(self) -> bool:
         try:
             return bool(self.client.nthreads())
-        except Exception:  # whatever a broken connection raises
+        except LOST:
             return False
 
-    def _silent(self, error: Exception | None) -> None:
+    def _silent(self, error: BaseException | None) -> None:
         if error is not None and self.client.status == "running" and time.monotonic() - self.heard < SILENCE:
             time.sleep(0.5)
             return
@@ -157,4 +160,5 @@ class _Waiting:
     def cancel(self) -> None:
         """Takes back what is not done."""
         if self.futures and self.client.status == "running":
-            self.client.cancel(list(self.futures))
+            with contextlib.suppress(*LOST):
+                self.client.cancel(list(self.futures))
