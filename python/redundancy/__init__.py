@@ -1,6 +1,6 @@
 """Redundancy resolution for robot arms: configurations, tool orientations and motions along whole paths."""
 
-from redundancy import catalog, orientation_rules, paths, quaternion
+from redundancy import catalog, maps, orientation_rules, paths, quaternion
 from redundancy._core import (
     Box,
     Branch,
@@ -217,6 +217,7 @@ __all__ = [
     "half_angle_minimum",
     "joint_cost",
     "joint_move",
+    "maps",
     "max_speed",
     "optimal_directions",
     "orientation_rules",
