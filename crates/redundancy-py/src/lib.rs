@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 
 mod arms;
 mod batch;
+mod capability;
 mod chain;
 mod check;
 mod closed_form;
@@ -52,6 +53,8 @@ mod _core {
 
     #[pymodule_export]
     use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
+    #[pymodule_export]
+    use capability::pose_metrics;
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
