@@ -17,7 +17,7 @@
 //! rest of the same motion remains. So a viable state has a viable successor, and a servo that only takes steps
 //! to viable states never breaks a limit, whatever it is asked to do.
 
-use super::thresholds::{SERVO_AT_REST, SERVO_STEP_BISECTIONS, SERVO_STOP_TICKS};
+use super::thresholds::{SERVO_AT_REST, SERVO_STEP_BISECTIONS, SERVO_STOP_LEGS};
 
 /// Limits of one joint, in ticks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,15 +68,33 @@ impl ServoLimitKind {
     }
 }
 
+/// Ticks but one of a sequence that falls by `step` per tick and sums up to `distance`.
+#[inline(always)]
+fn falling(distance: f64, step: f64) -> f64 {
+    (((1.0 + 8.0 * (distance / step)).sqrt() - 1.0) * 0.5).floor()
+}
+
+/// The largest whole number up to `most` for which `holds`, which holds up to some number and not beyond it.
+fn most_ticks(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    if holds(most) {
+        return most;
+    }
+    let (mut good, mut bad) = (0.0, most);
+    while bad - good > 1.0 {
+        let middle = (0.5 * (good + bad)).floor();
+        if holds(middle) { good = middle } else { bad = middle }
+    }
+    good
+}
+
 /// The largest first step of a sequence that falls by `step` per tick and sums up to `distance`.
 #[inline(always)]
 pub(super) fn brake(distance: f64, step: f64) -> f64 {
     if step == f64::INFINITY {
         return distance;
     }
-    let d = distance / step;
-    let k = (((1.0 + 8.0 * d).sqrt() - 1.0) * 0.5).floor();
-    step * (0.5 * k + d / (k + 1.0))
+    let k = falling(distance, step);
+    step * 0.5 * k + distance / (k + 1.0)
 }
 
 impl JointState {
@@ -92,6 +110,75 @@ impl JointState {
     pub fn stop_step(self, limits: &JointLimits) -> f64 {
         let wanted = -brake(self.u.abs(), limits.jerk).min(limits.acceleration).copysign(self.u);
         wanted.clamp(self.c - limits.jerk, self.c + limits.jerk)
+    }
+
+    /// The state after `n` ticks with the third difference `b`.
+    #[inline(always)]
+    fn after_ticks(self, n: f64, b: f64) -> Self {
+        let pairs = 0.5 * n * (n + 1.0);
+        Self {
+            q: self.q + n * self.u + pairs * (self.c + b * (n + 2.0) / 3.0),
+            u: self.u + n * self.c + pairs * b,
+            c: self.c + n * b,
+        }
+    }
+
+    /// Way of the rest of the stopping motion where nothing but its deceleration falls from here on.
+    fn last_leg(self, limits: &JointLimits) -> Option<f64> {
+        let (speed, c) = (self.u.abs(), if self.u < 0.0 { -self.c } else { self.c });
+        let first = brake(speed, limits.jerk);
+        if first > limits.acceleration || (first + c).abs() > limits.jerk {
+            return None;
+        }
+        if limits.jerk == f64::INFINITY {
+            return Some(0.0);
+        }
+        // `speed` minus `first`, `first - jerk`, ... after each of `k + 1` ticks, summed up.
+        let n = falling(speed, limits.jerk) + 1.0;
+        let way = n * speed - 0.5 * n * (n + 1.0) * (first - limits.jerk * (n - 1.0) / 3.0);
+        Some(way.copysign(self.u))
+    }
+
+    /// The next ticks of the stopping motion that can be taken at once: those with the same jerk, or of full deceleration. Speed and
+    /// position have no turning point between.
+    fn leg(self, limits: &JointLimits) -> Self {
+        let JointLimits { acceleration, jerk, .. } = *limits;
+        let down = if self.u != 0.0 { self.u < 0.0 } else { self.c < 0.0 };
+        let side = if down { -1.0 } else { 1.0 };
+        let (speed, c) = (side * self.u, side * self.c);
+        let ramp = acceleration / jerk;
+        // Below this speed the deceleration may have to fall.
+        let slow = acceleration * (0.5 * ramp + 2.0);
+        if c == -acceleration && speed > slow {
+            let n = ((speed - slow) / acceleration).ceil();
+            return self.after_ticks(n, 0.0);
+        }
+        if jerk == f64::INFINITY {
+            return self.after(self.stop_step(limits));
+        }
+        let ahead = Self { q: 0.0, u: speed, c };
+        let moves = |n: f64, b: f64| ahead.after_ticks(n, b).u > 0.0;
+        let wanted = |speed: f64| -brake(speed, jerk).min(acceleration);
+        let (n, b) = if c > 0.0 {
+            // It still accelerates.
+            ((c / jerk).floor(), -jerk)
+        } else if c - jerk > wanted(speed) {
+            // The deceleration grows.
+            let grows = |n: f64| {
+                let next = ahead.after_ticks(n, -jerk);
+                next.u > 0.0 && next.c - jerk >= wanted(next.u)
+            };
+            (most_ticks(((acceleration + c) / jerk).floor(), grows), -jerk)
+        } else if c + jerk < -acceleration {
+            // More deceleration than is allowed, in a motion relative to another one.
+            (most_ticks(((-acceleration - c) / jerk).floor(), |n| moves(n, jerk)), jerk)
+        } else if c + jerk < wanted(speed) {
+            // Too much deceleration to be taken back in time: the joint turns round.
+            (most_ticks((-c / jerk).floor(), |n| moves(n, jerk)), jerk)
+        } else {
+            (0.0, 0.0)
+        };
+        if n >= 1.0 { self.after_ticks(n, side * b) } else { self.after(self.stop_step(limits)) }
     }
 
     /// True at rest, up to rounding.
@@ -113,28 +200,22 @@ pub(super) struct Stop {
     pub speed: f64,
 }
 
-/// The stopping motion from `(u, c)`; `None` where it takes longer than anything that counts as braking.
+/// The stopping motion from `(u, c)`; `None` where it does not end, which rounding alone could cause.
+///
+/// It is a few legs of constant jerk, however many ticks each of them takes, so that its cost is bounded.
 pub(super) fn stop(u: f64, c: f64, limits: &JointLimits) -> Option<Stop> {
     let mut state = JointState { q: 0.0, u, c };
     let mut out = Stop { distance: 0.0, least: 0.0, most: 0.0, speed: u.abs() };
-    let ramp = if limits.jerk.is_finite() { limits.acceleration / limits.jerk } else { 0.0 };
-    // Below this speed the deceleration may have to fall.
-    let slow = limits.acceleration * (0.5 * ramp + 2.0);
-    for _ in 0..SERVO_STOP_TICKS {
-        if state.at_rest() {
-            out.distance = state.q;
+    for _ in 0..SERVO_STOP_LEGS {
+        let rest = state.at_rest();
+        let last = if rest { Some(0.0) } else { state.last_leg(limits) };
+        if let Some(way) = last {
+            out.distance = state.q + way;
+            out.least = out.least.min(out.distance);
+            out.most = out.most.max(out.distance);
             return Some(out);
         }
-        let speed = state.u.abs();
-        let full = -limits.acceleration.copysign(state.u);
-        if state.c == full && speed > slow {
-            // Ticks of full deceleration at once.
-            let n = ((speed - slow) / limits.acceleration).ceil();
-            state.q += n * state.u + full * 0.5 * n * (n + 1.0);
-            state.u += n * full;
-        } else {
-            state = state.after(state.stop_step(limits));
-        }
+        state = state.leg(limits);
         out.least = out.least.min(state.q);
         out.most = out.most.max(state.q);
         out.speed = out.speed.max(state.u.abs());
@@ -256,4 +337,54 @@ pub(super) fn approach(relative: &JointState, limits: &JointLimits) -> f64 {
         }
     }
     0.5 * (a + b)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    /// The stopping motion tick by tick.
+    fn stop_by_ticks(mut state: JointState, limits: &JointLimits) -> Stop {
+        let mut out = Stop { distance: 0.0, least: 0.0, most: 0.0, speed: state.u.abs() };
+        while !state.at_rest() {
+            state = state.after(state.stop_step(limits));
+            out.least = out.least.min(state.q);
+            out.most = out.most.max(state.q);
+            out.speed = out.speed.max(state.u.abs());
+        }
+        Stop { distance: state.q, ..out }
+    }
+
+    #[test]
+    fn legs_are_what_the_ticks_of_the_stopping_motion_add_up_to() {
+        let rng = &mut ChaCha8Rng::seed_from_u64(3);
+        for k in 0..3000 {
+            let dt: f64 = rng.random_range(1e-3..1e-2);
+            let acceleration = rng.random_range(-1.0_f64..4.0).exp();
+            let jerk =
+                if k % 10 == 0 { f64::INFINITY } else { acceleration * rng.random_range(0.0_f64..6.0).exp() };
+            let limits = JointLimits {
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+                velocity: f64::INFINITY,
+                acceleration: acceleration * dt * dt,
+                jerk: jerk * dt.powi(3),
+            };
+            // States of a joint, and every third one that a joint may have relative to its reference.
+            let excess = if k % 3 == 0 { 4.0 } else { 1.0 };
+            let u = dt * rng.random_range(-1.0..1.0) * rng.random_range(-15.0_f64..1.5).exp();
+            let c =
+                if k % 20 == 0 { 0.0 } else { excess * limits.acceleration * rng.random_range(-1.0..1.0) };
+            let ticks = stop_by_ticks(JointState { q: 0.0, u, c }, &limits);
+            let legs = stop(u, c, &limits).unwrap();
+            let near = |a: f64, b: f64, size: f64| (a - b).abs() <= 1e-12 * (1e-2 + size);
+            let size = ticks.most - ticks.least;
+            assert!(near(legs.distance, ticks.distance, size), "{legs:?} {ticks:?} {limits:?} {u} {c}");
+            assert!(near(legs.least, ticks.least, size) && near(legs.most, ticks.most, size));
+            assert!(near(legs.speed, ticks.speed, ticks.speed));
+        }
+    }
 }

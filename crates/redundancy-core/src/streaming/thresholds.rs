@@ -6,8 +6,8 @@ pub(super) const SERVO_AT_REST: f64 = 1e-14;
 /// Halvings of the interval in which the servo looks for the largest legal step: 1e-5 of it is left.
 pub(super) const SERVO_STEP_BISECTIONS: usize = 18;
 
-/// Ticks of a stopping motion, not counting those of full deceleration: a motion that takes longer is no braking.
-pub(super) const SERVO_STOP_TICKS: usize = 20_000;
+/// Legs of a stopping motion: each of its phases takes one or two, and there are five.
+pub(super) const SERVO_STOP_LEGS: usize = 32;
 
 /// Distance (m) from the line between shoulder and wrist below which an elbow has no angle about it.
 pub(super) const SERVO_ELBOW_ON_LINE: f64 = 1e-6;
