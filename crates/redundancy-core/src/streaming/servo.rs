@@ -17,7 +17,7 @@ use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_length, check_vector};
 use crate::kinematics::{PoseError, Scratch};
-use crate::pose::{Pose, checked_pose};
+use crate::pose::{Pose, rigid_pose};
 use crate::solutions::SrsArm;
 use crate::status::Status;
 
@@ -289,7 +289,7 @@ impl Servo {
         if !self.ready {
             return Err(Error::Invalid("the servo has no joint positions yet: call reset(q) first".into()));
         }
-        let pose = target.pose.as_ref().and_then(|pose| checked_pose("target_pose", pose).ok());
+        let pose = target.pose.as_ref().and_then(rigid_pose);
         let invalid = target.broken || (target.pose.is_some() && pose.is_none());
         if let Some(swivel) = target.swivel.filter(|swivel| swivel.is_finite()) {
             self.swivel = Some(swivel);
