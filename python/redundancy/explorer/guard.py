@@ -38,7 +38,7 @@ def watch(server: viser.ViserServer, refused: Callable[[str], None]) -> None:
     socket = server._websock_server
 
     def guard(client: Any) -> None:
-        connection = socket._live_connections.get(client.client_id)
+        connection: Any = socket._live_connections.get(client.client_id)
         if connection is None:
             return
         receive = connection.recv
