@@ -39,8 +39,8 @@ use crate::status::status_to_py;
 ///     target_noise: `(m, rad)`, the root mean square of the input's noise; `"auto"` measures it; None takes
 ///         the target as exact.
 ///     swivel_reference: Direction `(3,)`, base frame, from which the swivel of an arm without a chart
-///         counts: the angle of the elbow (origin of joint 4) about the line from shoulder (origin of joint
-///             2) to wrist (origin of joint 6).
+///         counts. It is the angle of the elbow about the line from shoulder to wrist, the origins of
+///         joints 4, 2 and 6.
 ///     timeout: Time without a target after which the arm brakes to rest, s.
 ///
 /// Raises:
