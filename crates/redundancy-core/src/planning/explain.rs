@@ -10,16 +10,14 @@ use super::pull::{Pull, Puller, wind_into};
 use super::push::Pusher;
 use super::reach::Reach;
 use super::refine::{Refinement, refine};
-use super::report::Outcome;
+use super::report::{Outcome, step_too_far};
 use super::search::{Jump, Search, turns_round};
-use crate::chain::JointKind;
 use crate::joint_space::{TURN, nearest};
 use crate::parallel::prelude::*;
 use crate::path::{BlockedPoint, Reconfiguration};
 use crate::scene::Nearby;
 use crate::solutions::{SolutionsSettings, solutions};
 use crate::status::Status;
-use crate::tolerance::JOINT_JUMP;
 use crate::watch::Watch;
 
 /// What is said where no line was found over `nodes`.
@@ -334,19 +332,6 @@ fn assembled(
     let reason =
         format!("{found} (searched: {} states at each of {} points)", nodes.width(n), nodes.rows.len());
     Outcome::Jumps { q, jumps, reason }
-}
-
-/// By how much the joints would have to step to a row.
-pub(super) fn step_too_far(demand: &Demand, q: &[f64], row: usize) -> String {
-    let n = demand.dof();
-    let step = |i: usize| q[row * n + i] - q[(row - 1) * n + i];
-    let worst = (0..n).map(|i| (step(i), i)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let Some((d, i)) = worst else { return String::new() };
-    let (bound, joint) = (demand.step_bound[(row - 1) * n + i], &demand.chain.joints()[i]);
-    let (unit, turns) = if joint.kind == JointKind::Prismatic { ("m", false) } else { ("rad", true) };
-    let why =
-        if turns && bound >= JOINT_JUMP { "a continuous step is at most" } else { "its speed limit allows" };
-    format!("joint '{}' would have to step {:.4} {unit}, {why} {bound:.4} {unit}", joint.name, d.abs())
 }
 
 /// How many reconfigurations there are, and where the first one is.

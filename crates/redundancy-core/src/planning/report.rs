@@ -1,8 +1,10 @@
 //! From what the planner found to a [`Plan`].
 
 use super::demand::Demand;
+use super::pull::Puller;
 use super::refine::{LEGAL, Refined};
 use super::verify;
+use crate::chain::JointKind;
 use crate::error::Result;
 use crate::parallel::prelude::*;
 use crate::path::{
@@ -10,7 +12,7 @@ use crate::path::{
     times_within_limits,
 };
 use crate::status::Status;
-use crate::tolerance::FREE_SPEED;
+use crate::tolerance::{FREE_SPEED, JOINT_JUMP};
 use crate::watch::Interrupted;
 
 /// What the planner found.
@@ -149,7 +151,8 @@ fn of_jumps(
     jumps: Vec<Reconfiguration>,
     reason: String,
 ) -> Result<Plan> {
-    let t = times(demand, path, q)?;
+    let (q, jumps) = if demand.cyclic { closed(demand, q, jumps) } else { (q.to_vec(), jumps) };
+    let t = times(demand, path, &q)?;
     let event = |jump: &Reconfiguration| Event {
         kind: EventKind::Reconfiguration,
         index: jump.row,
@@ -158,12 +161,40 @@ fn of_jumps(
         message: format!("the arm changes its configuration before point {}: {}", jump.row, jump.reason),
     };
     let events = jumps.iter().map(event).collect();
-    rows(demand, path, q, events, Status::Infeasible)?
+    rows(demand, path, &q, events, Status::Infeasible)?
         .legal(false)
         .reason(reason)
         .reconfigurations(jumps)
         .asking_about_units(&demand.chain, path)
         .build()
+}
+
+/// A closed path that was cut open, with its first row at the end again: the way back to it may be a jump as well.
+fn closed(demand: &Demand, q: &[f64], jumps: Vec<Reconfiguration>) -> (Vec<f64>, Vec<Reconfiguration>) {
+    let (n, last) = (demand.dof(), demand.rows() - 1);
+    let (mut q, mut jumps) = (q.to_vec(), jumps);
+    q.extend_from_within(..n);
+    let (from, to) = (&q[last * n..(last + 1) * n], &q[(last + 1) * n..]);
+    let bound = &demand.step_bound[last * n..(last + 1) * n];
+    let slow = (0..n).all(|i| (to[i] - from[i]).abs() <= bound[i]);
+    if !(slow && verify::is_continuous(&mut Puller::new(demand), demand, [last, 0], from, to)) {
+        let row = last + 1;
+        jumps.push(Reconfiguration { row, reason: step_too_far(demand, &q, row) });
+    }
+    (q, jumps)
+}
+
+/// By how much the joints would have to step to a row.
+pub(super) fn step_too_far(demand: &Demand, q: &[f64], row: usize) -> String {
+    let n = demand.dof();
+    let step = |i: usize| q[row * n + i] - q[(row - 1) * n + i];
+    let worst = (0..n).map(|i| (step(i), i)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let Some((d, i)) = worst else { return String::new() };
+    let (bound, joint) = (demand.step_bound[(row - 1) * n + i], &demand.chain.joints()[i]);
+    let (unit, turns) = if joint.kind == JointKind::Prismatic { ("m", false) } else { ("rad", true) };
+    let why =
+        if turns && bound >= JOINT_JUMP { "a continuous step is at most" } else { "its speed limit allows" };
+    format!("joint '{}' would have to step {:.4} {unit}, {why} {bound:.4} {unit}", joint.name, d.abs())
 }
 
 /// A builder with the columns of all rows.

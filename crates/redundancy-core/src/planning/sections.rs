@@ -1,10 +1,10 @@
 //! A path in the fewest sections, each with a continuous line of its own, where none leads all the way.
 
 use super::demand::Demand;
-use super::explain::{step_too_far, sum_up};
+use super::explain::sum_up;
 use super::nodes::{NODE_SPACING, arcs_of};
 use super::reach::Break;
-use super::report::Outcome;
+use super::report::{Outcome, step_too_far};
 use crate::path::Reconfiguration;
 use crate::solutions::{SolutionsSettings, solutions};
 use crate::watch::Watch;
