@@ -1390,8 +1390,8 @@ class Criterion:
     """
 
     @property
-    def dof(self) -> int:
-        """Number of joints n."""
+    def dof(self) -> int | None:
+        """Number of joints n; None where it fits any number."""
     @property
     def sense(self) -> Literal["minimize", "maximize"]:
         """`"minimize"` or `"maximize"`."""
@@ -1541,6 +1541,23 @@ class Step:
     def sigma_min(self) -> float:
         """Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for."""
 
+@final
+class AccelerationStep:
+    @property
+    def qdd(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def basis_changed(self) -> bool: ...
+    @staticmethod
+    def _make(
+        qdd: Sequence[float], status: str, damping: float, residual: float, basis_changed: bool
+    ) -> AccelerationStep: ...
+
 @disjoint_base
 class Resolver:
     """A scheme that computes a joint velocity from a task velocity, step by step.
@@ -1555,6 +1572,7 @@ class Resolver:
         task_velocity: ArrayLike,
         dt: float | None = None,
         qd: ArrayLike | None = None,
+        wish: ArrayLike | None = None,
         *,
         t: float = 0.0,
     ) -> Step:
@@ -1571,6 +1589,16 @@ class Resolver:
         Raises:
             RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing.
         """
+    def step_acceleration(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        task_acceleration: ArrayLike,
+        dt: float | None = None,
+        wish: ArrayLike | None = None,
+    ) -> AccelerationStep: ...
+    @property
+    def level(self) -> Literal["velocity", "acceleration"]: ...
     @property
     def chain(self) -> Chain:
         """The chain that it was made for."""
@@ -1638,6 +1666,10 @@ class ProjectedGradient(Resolver):
         damping: _Damping = "auto",
         *,
         frame: str | None = None,
+        level: Literal["velocity", "acceleration"] = "velocity",
+        velocity_gain: float = 10.0,
+        inverse: Literal["pseudo", "inertia"] = "pseudo",
+        weights: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -1679,6 +1711,8 @@ class ReducedGradient(Resolver):
         frame: str | None = None,
         form: Literal["robust", "paper"] = "robust",
         schedule: Sequence[tuple[float, Sequence[int]]] | None = None,
+        level: Literal["velocity", "acceleration"] = "velocity",
+        velocity_gain: float = 10.0,
     ) -> Self: ...
 
 @final
@@ -1745,12 +1779,54 @@ class SaturatedNullspace(Resolver):
         task: _Task | None = None,
         damping: _Damping = None,
         *,
+        when_blocked: Literal["stop", "closest"] = "stop",
         scene: Scene | None = None,
         links: LinkGeometry | None = None,
         safe_distance: float = 0.02,
         barrier_rate: float = 5.0,
         self_collision: bool | Literal["auto"] = "auto",
     ) -> Self: ...
+
+_Level: TypeAlias = tuple[Any, ...] | Sequence[Any]
+
+@final
+class PrioritizedNullspace:
+    def __new__(
+        cls,
+        chain: Chain | SrsArm,
+        tasks: Sequence[_Level],
+        *,
+        criterion: Criterion | None = None,
+        gain: float = 1.0,
+        barrier_rate: float = 5.0,
+    ) -> Self: ...
+    def step(
+        self,
+        q: ArrayLike,
+        velocities: Sequence[ArrayLike | None],
+        dt: float,
+        qd: ArrayLike | None = None,
+        wish: ArrayLike | None = None,
+    ) -> PriorityStep: ...
+    @property
+    def chain(self) -> Chain: ...
+
+@final
+class PriorityStep:
+    @property
+    def qd(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def scales(self) -> NDArray[np.float64]: ...
+    @property
+    def residuals(self) -> NDArray[np.float64]: ...
+    @property
+    def active_limits(
+        self,
+    ) -> list[tuple[str, Literal["position", "velocity", "acceleration"], Literal["lower", "upper"]]]: ...
+    @staticmethod
+    def _make(chain: Chain, status: str, numbers: Any, active: Any) -> PriorityStep: ...
 
 @final
 class Track(Plan):
@@ -1865,6 +1941,36 @@ class Elbow(Criterion):
     """
 
     def __new__(cls, chain: Chain, point: ArrayLike, *, link: str | None = None) -> Self: ...
+
+@final
+class GravityTorque(Criterion):
+    def __new__(
+        cls,
+        chain: Chain | SrsArm,
+        measure: Literal["norm", "peak"] = "norm",
+        *,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        weights: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class KineticEnergy(Criterion):
+    def __new__(cls, chain: Chain | SrsArm, *, qd: ArrayLike | None = None) -> Self: ...
+
+@final
+class Swivel(Criterion):
+    def __new__(cls, arm: SrsArm | Chain, desired: float) -> Self: ...
+
+@final
+class CustomCriterion(Criterion):
+    def __new__(
+        cls,
+        value: Callable[[NDArray[np.float64]], Any],
+        gradient: Callable[[NDArray[np.float64]], Any] | None = None,
+        *,
+        sense: Literal["minimize", "maximize"] = "minimize",
+        chain: Chain | SrsArm | None = None,
+    ) -> Self: ...
 
 # self-motion
 

@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 
 mod arms;
 mod batch;
+mod callback;
 mod chain;
 mod check;
 mod closed_form;
@@ -33,6 +34,7 @@ mod orientation_set;
 mod path;
 mod plan;
 mod planning;
+mod priorities;
 mod quaternion;
 mod retime;
 mod rotation;
@@ -41,6 +43,7 @@ mod self_motion;
 mod solutions;
 mod speed;
 mod status;
+mod step;
 mod task;
 mod velocity;
 mod watch;
@@ -51,6 +54,8 @@ mod _core {
 
     #[pymodule_export]
     use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
+    #[pymodule_export]
+    use callback::PyCustomCriterion;
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
@@ -63,8 +68,8 @@ mod _core {
     };
     #[pymodule_export]
     use criterion::{
-        PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture,
-        PySelfClearanceCriterion,
+        PyClearanceCriterion, PyCriterion, PyElbow, PyGravityTorque, PyJointRange, PyKineticEnergy,
+        PyManipulability, PyPosture, PySelfClearanceCriterion, PySwivel,
     };
     #[pymodule_export]
     use ik::{
@@ -90,6 +95,8 @@ mod _core {
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
+    use priorities::{PyPrioritizedNullspace, PyPriorityStep};
+    #[pymodule_export]
     use quaternion::{
         py_pose, quaternion_conjugate, quaternion_from_axis_angle, quaternion_from_matrix,
         quaternion_product, quaternion_rotate, quaternion_to_axis_angle, quaternion_to_matrix,
@@ -112,11 +119,13 @@ mod _core {
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
+    use step::{PyAccelerationStep, PyStep};
+    #[pymodule_export]
     use task::PyTask;
     #[pymodule_export]
     use velocity::{
         PyDamping, PyExtendedJacobian, PyProjectedGradient, PyReducedGradient, PyResolver,
-        PySaturatedNullspace, PyStep, PyTrack, py_track,
+        PySaturatedNullspace, PyTrack, py_track,
     };
 
     #[pymodule_export]
