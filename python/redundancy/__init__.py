@@ -1,6 +1,6 @@
 """Redundancy resolution for robot arms: configurations, tool orientations and motions along whole paths."""
 
-from redundancy import catalog, orientation_rules, paths, quaternion
+from redundancy import catalog, maps, orientation_rules, paths, quaternion
 from redundancy._core import (
     AccelerationStep,
     Box,
@@ -121,6 +121,7 @@ from redundancy._core import (
     trace_self_motion,
     track,
 )
+from redundancy.explorer import explore
 from redundancy.status import EventKind, Kind, Status
 
 __all__ = [
@@ -224,11 +225,13 @@ __all__ = [
     "closed_form",
     "cofactor_condition",
     "constrained_optima",
+    "explore",
     "fastest_profile",
     "follow_optimum",
     "half_angle_minimum",
     "joint_cost",
     "joint_move",
+    "maps",
     "max_speed",
     "optimal_directions",
     "orientation_rules",

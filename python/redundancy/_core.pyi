@@ -2882,6 +2882,55 @@ def closed_form(chain: Chain | _ClosedForm) -> _ClosedForm | None:
         'spherical_wrist'
     """
 
+def pose_metrics(
+    chain: Chain | _ClosedForm,
+    poses: Any,
+    metrics: list[str],
+    freedom: ToolFreedom | None = None,
+    *,
+    scene: Scene | None = None,
+    links: LinkGeometry | None = None,
+    self_collision: str | bool = "auto",
+    out: dict[str, NDArray[Any]] | None = None,
+    threads: int | None = None,
+) -> dict[str, NDArray[Any]]:
+    """What an arm can do at many poses; `redundancy.maps.metrics` and `maps.best_margin` call it.
+
+    Args:
+        chain: The arm, a `Chain` or an arm with a closed form.
+        poses: Poses `(N, 4, 4)` or `(4, 4)` in the world.
+        metrics: Names: `"reachable"` (a configuration within the joint limits exists), `"margin"` (the largest
+            possible least distance from a joint limit, rad or m; negative by how much the worst joint misses its limits
+            at best, `-inf` where no configuration exists), `"proven"` (that margin is proven to be the largest),
+            `"swivel_measure"` (how much of the self-motion holds the limits in the union of all branches: radians of
+            the swivel or of q7, else the length in joint space), `"manipulability"` (`det(J J^T)` at the margin's
+            configuration, 0 where there is none), `"spin_share"` (the feasible share of the allowed spins),
+            `"clearance"` (least distance from the scene and between links at the margin's configuration, m; `-inf`
+            where there is none).
+        freedom: How far the tool may tilt and spin away from each pose. The margin is then the best that a search
+            finds and not proven.
+        scene: Obstacles, for the clearance.
+        links: Shapes of the links, for the clearance; without it capsules of radius 0.05 m from joint to joint.
+        self_collision: Whether links count among each other; `"auto"`: if `links` has pairs.
+        out: Arrays `(N,)` by the name of the metric (bool for `reachable` and `proven`, else float64) that are filled
+            instead of new ones.
+        threads: Threads to use; all cores by default. The bits do not depend on it.
+
+    Returns:
+        The arrays `(N,)` by the name of the metric.
+
+    Raises:
+        RedundancyError: An unknown metric, a pose that is not rigid or finite, an array of another kind or length, a
+            clearance without scene or links with pairs.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("iiwa14")
+        >>> pose = chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9])
+        >>> float(rd.maps.metrics(chain, pose, ["margin"])["margin"][0]) > 0.5
+        True
+    """
+
 def solutions(
     chain: Chain | _ClosedForm,
     pose: Any,

@@ -8,6 +8,7 @@ mod architecture;
 mod beside_a_pin;
 mod bodies;
 mod bodies_hostile;
+mod capability;
 mod chain;
 mod chain_catalog;
 mod chain_urdf;

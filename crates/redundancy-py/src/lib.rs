@@ -17,6 +17,7 @@ use pyo3::prelude::*;
 mod arms;
 mod batch;
 mod callback;
+mod capability;
 mod chain;
 mod check;
 mod closed_form;
@@ -56,6 +57,8 @@ mod _core {
     use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
     #[pymodule_export]
     use callback::PyCustomCriterion;
+    #[pymodule_export]
+    use capability::pose_metrics;
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]

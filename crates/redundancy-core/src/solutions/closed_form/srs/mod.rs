@@ -16,6 +16,7 @@ mod spherical;
 mod spring_search;
 mod stretches;
 mod swivel_criterion;
+mod widest;
 
 pub use arm::{SrsArm, Swivel};
 pub use batch::{BatchChoice, BranchInterval};
