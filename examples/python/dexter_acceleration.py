@@ -1,4 +1,4 @@
-"""[Bettini2000], the outlook of its conclusions: DEXTER's runs at acceleration level, without a jump at the change of basis."""
+"""[Bettini2000], its outlook: DEXTER's runs at acceleration level, without a jump at the change of basis."""
 
 import sys
 from pathlib import Path
@@ -44,8 +44,9 @@ def wanted(time: float, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 def run(
     make: "type[rd.ProjectedGradient] | type[rd.ReducedGradient]", level: str, moving: bool, **options: object
 ) -> dict[str, np.ndarray]:
-    """Integrates one run; both levels get the same feedback of the position, the acceleration level that of the velocity too."""
-    scheme = make(chain, h, gain, task="pose_rpy", damping=None, **options, **({"level": level} if level != "velocity" else {}))  # type: ignore[arg-type]
+    """Integrates one run; both levels feed back the position, the acceleration level the velocity too."""
+    levels = {"level": level} if level != "velocity" else {}
+    scheme = make(chain, h, gain, task="pose_rpy", damping=None, **options, **levels)  # type: ignore[arg-type]
     distance = (end - begin) if moving else np.zeros(6)
     q, qd = q_in.copy(), np.zeros(8)
     if level == "acceleration":  # starts with the joint velocity that the velocity level has
@@ -97,7 +98,8 @@ for title, moving in (("self-motion", False), ("point-to-point", True)):
                 + (f"  jump {jump(result['qd']):.3f} rad/s" if "changed" in name else "")
             )
 
-changed = {level: curves["point-to-point", "RG, basis changed at 2.5 s", level] for level in ("velocity", "acceleration")}
+NAME = "RG, basis changed at 2.5 s"
+changed = {level: curves["point-to-point", NAME, level] for level in ("velocity", "acceleration")}
 steps = {level: np.linalg.norm(np.diff(result["qd"], axis=0), axis=1) for level, result in changed.items()}
 DRIFT = max(1e3 * result["error"].max() for key, result in curves.items() if key[2] == "acceleration")
 print(f"acceleration level: at most {DRIFT:.4f} mm off the path")

@@ -1543,6 +1543,7 @@ class Step:
 
 @final
 class AccelerationStep:
+    """x"""
     @property
     def qdd(self) -> NDArray[np.float64]: ...
     @property
@@ -1813,6 +1814,7 @@ class PrioritizedNullspace:
 
 @final
 class PriorityStep:
+    """x"""
     @property
     def qd(self) -> NDArray[np.float64]: ...
     @property

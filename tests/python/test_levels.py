@@ -158,7 +158,7 @@ def test_exceptions_of_own_criteria_are_raised(iiwa: rd.Chain) -> None:
     bad = rd.CustomCriterion(fails)
     for h in (bad, 2.0 * bad + rd.JointRange(iiwa)):
         for name, scheme in everything(iiwa, h).items():
-            with pytest.raises(OwnError, match="at 0.3"):
+            with pytest.raises(OwnError, match=r"at 0\.3"):
                 scheme.step(Q, np.zeros(6), 0.01)
             with pytest.raises(OwnError):
                 rd.track(iiwa, scheme, path, Q, 0.05)
@@ -288,7 +288,9 @@ def test_accelerations_agree_with_pinocchio(name: str) -> None:
     schemes = [
         rd.ProjectedGradient(chain, h, 5.0, level="acceleration"),
         rd.ReducedGradient(chain, h, 5.0, level="acceleration"),
-        rd.ProjectedGradient(chain, h, 5.0, level="acceleration", weights=list(rng.uniform(0.5, 2, chain.dof))),
+        rd.ProjectedGradient(
+            chain, h, 5.0, level="acceleration", weights=list(rng.uniform(0.5, 2, chain.dof))
+        ),
     ]
     if name == "iiwa14":
         schemes.append(rd.ProjectedGradient(chain, h, 5.0, level="acceleration", inverse="inertia"))

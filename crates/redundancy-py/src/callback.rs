@@ -192,8 +192,8 @@ impl Criterion for Custom {
 /// A function of yours as a criterion, usable wherever one is: in resolvers, `plan`, `best`, sums and multiples.
 ///
 /// An exception of the function ends the call that evaluated it and is raised by that call. The function may be called
-/// from several threads, one at a time (the GIL is taken for each evaluation), thousands of times by a search; a control
-/// step calls `gradient` once, or `value` twice per joint without it.
+/// from several threads, one at a time (the GIL is taken for each evaluation), thousands of times by a search; a
+/// control step calls `gradient` once, or `value` twice per joint without it.
 ///
 /// Args:
 ///     value: Called with q `(n,)`, a fresh array; returns a finite number.

@@ -405,15 +405,15 @@ impl PyElbow {
 
 /// Size of the torques that hold the arm against gravity, to be minimised; N m (N for sliding joints).
 ///
-/// `"norm"` is the root of the sum of squares of all joints, `"peak"` the largest magnitude; derivatives are exact. Where
-/// two joints share the peak, its gradient is that of the first one and jumps there.
+/// `"norm"` is the root of the sum of squares of all joints, `"peak"` the largest magnitude; derivatives are exact.
+/// Where two joints share the peak, its gradient is that of the first one and jumps there.
 ///
 /// Args:
 ///     chain: The arm, with inertias; or an arm object.
 ///     measure: `"norm"` or `"peak"`.
 ///     gravity: `(3,)`, m/s^2, world axes.
-///     weights: `(n,)`, not negative: torques are multiplied by them first. With `1 / chain.effort_limit` the peak is the
-///         largest share of an effort limit.
+///     weights: `(n,)`, not negative: torques are multiplied by them first. With `1 / chain.effort_limit` the peak is
+///         the largest share of an effort limit.
 ///
 /// Raises:
 ///     RedundancyError: A chain without inertias, an unknown measure, weights that are negative.
@@ -461,8 +461,8 @@ impl PyGravityTorque {
 
 /// Kinetic energy of the arm at fixed joint velocities, to be minimised, J: how heavy the arm is to move.
 ///
-/// `qd^T M(q) qd / 2` with the mass matrix M, rotors included. Without `qd`, `trace(M) / 2`: the sum of the energies with
-/// which each joint alone moves at 1 rad/s or 1 m/s. The gradient is exact, the Hessian its difference quotient.
+/// `qd^T M(q) qd / 2` with the mass matrix M, rotors included. Without `qd`, `trace(M) / 2`: the sum of the energies
+/// with which each joint alone moves at 1 rad/s or 1 m/s. The gradient is exact, the Hessian its difference quotient.
 ///
 /// Args:
 ///     chain: The arm, with inertias; or an arm object.
@@ -499,8 +499,8 @@ impl PyKineticEnergy {
 
 /// Distance of the swivel of an S-R-S arm from a desired one, to be minimised: `1 - cos(swivel - desired)`.
 ///
-/// About half of the squared difference, smooth everywhere but at the singular direction of the arm's chart, and with the
-/// period of the swivel.
+/// About half of the squared difference, smooth everywhere but at the singular direction of the arm's chart, and with
+/// the period of the swivel.
 ///
 /// Args:
 ///     arm: The `SrsArm`, whose chart gives the angle its meaning; or a chain of this class, with the default chart.

@@ -22,13 +22,14 @@ use crate::task::read_task;
 
 /// Several tasks with strict priorities within hard limits.
 ///
-/// Level by level: the largest scale in [0, 1] of that task's velocity that the limits and the tasks above allow, then the
-/// next; last the joint velocity nearest to the wish. All problems are solved exactly; a step allocates nothing in the
-/// core. Limits are those of `SaturatedNullspace`: position (with the distance that braking takes), velocity and, when
-/// `step` gets `qd`, acceleration.
+/// Level by level: the largest scale in [0, 1] of that task's velocity that the limits and the tasks above allow, then
+/// the next; last the joint velocity nearest to the wish. All problems are solved exactly; a step allocates nothing in
+/// the core. Limits are those of `SaturatedNullspace`: position (with the distance that braking takes), velocity and,
+/// when `step` gets `qd`, acceleration.
 ///
 /// - Where the tasks above leave a task less freedom than it has coordinates, it is met as nearly as they allow (least
-///   squares): the elbow's position below a full pose moves the elbow along its circle. `residuals` says what is missing.
+///   squares): the elbow's position below a full pose moves the elbow along its circle. `residuals` says what is
+///   missing.
 /// - Where no scale is possible (joints have to brake), the scale is 0 and the task error the least within the limits.
 /// - Half-spaces and cones are inequalities. For a distance d from the bound (m or rad) it shrinks at most by
 ///   `min(barrier_rate d, sqrt(2 a_d d))` per s, a_d the deceleration that the acceleration limits allow; beyond the
@@ -36,17 +37,18 @@ use crate::task::read_task;
 ///
 /// Args:
 ///     chain: The arm with its limits, or an arm object.
-///     tasks: The first has the highest priority. `(task, link)` with the name of a task or a `Task`, and the name of a link
-///         or None for the tool: velocities are those of that frame, base axes. `("half_space", link, point, normal)`: the
-///         origin of the link stays on the side of the plane through `point` (m) to which `normal` points, base axes.
-///         `("cone", link, axis, direction, half_angle)`: `axis`, a direction in the link's frame, stays within `half_angle`
-///         (rad) of `direction`, base axes.
+///     tasks: The first has the highest priority. `(task, link)` with the name of a task or a `Task`, and the name of a
+///         link or None for the tool: velocities are those of that frame, base axes.
+///         `("half_space", link, point, normal)`: the origin of the link stays on the side of the plane through `point`
+///         (m) to which `normal` points, base axes. `("cone", link, axis, direction, half_angle)`: `axis`, a direction
+///         in the link's frame, stays within `half_angle` (rad) of `direction`, base axes.
 ///     criterion: The wish is the gain times its gradient; None for the least joint velocity.
 ///     gain: Joint velocity per unit of the gradient, >= 0.
 ///     barrier_rate: How fast the distance from the bound of an inequality may shrink, 1/s; at most `1 / dt` counts.
 ///
 /// Raises:
-///     RedundancyError: No task, an unknown task or link, a cone or plane without direction, a criterion of another arm.
+///     RedundancyError: No task, an unknown task or link, a cone or plane without direction, a criterion of another
+///         arm.
 ///
 /// Example:
 ///     >>> import redundancy as rd
@@ -240,8 +242,8 @@ impl PyPriorityStep {
         PyArray1::from_slice(py, &self.scales)
     }
 
-    /// One for each task: `|J qd - scale v|` (`|J qd - v|` where no scale was possible), m/s and rad/s; of an inequality
-    /// what is missing.
+    /// One for each task: `|J qd - scale v|` (`|J qd - v|` where no scale was possible), m/s and rad/s; of an
+    /// inequality what is missing.
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.residuals)

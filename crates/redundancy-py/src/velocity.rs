@@ -226,13 +226,13 @@ impl PyResolver {
     ///         spin about the tool axis does not count.
     ///     dt: Length of the step, s; needed for limits and for the optimal gain.
     ///     qd: Joint velocity before the step `(n,)`; without it acceleration is not limited.
-    ///     wish: Joint velocity `(n,)`, rad/s or m/s, that the freedom is used for in place of the criterion's gradient;
-    ///         neither criterion nor gain counts then.
+    ///     wish: Joint velocity `(n,)`, rad/s or m/s, that the freedom is used for in place of the criterion's
+    ///         gradient; neither criterion nor gain counts then.
     ///     t: Time, s, for obstacles that move.
     ///
     /// Raises:
-    ///     RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing. An exception
-    ///         of a `CustomCriterion` is raised as it is.
+    ///     RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing. An
+    ///         exception of a `CustomCriterion` is raised as it is.
     #[pyo3(signature = (q, task_velocity, dt=None, qd=None, wish=None, *, t=0.0))]
     fn step(
         &self,
@@ -272,7 +272,8 @@ impl PyResolver {
         Ok(PyStep { qd: out, q, report, active, pairs, chain: self.chain.clone_ref(py), task })
     }
 
-    /// One step of a scheme with `level="acceleration"`: joint accelerations with `J qdd + Jdot qd = task_acceleration`.
+    /// One step of a scheme with `level="acceleration"`: joint accelerations with
+    /// `J qdd + Jdot qd = task_acceleration`.
     ///
     /// Args:
     ///     q: Joint positions `(n,)`, rad or m.
@@ -517,9 +518,9 @@ impl PyProjectedGradient {
 ///         inverse also in `J_R`, so that under damping it does.
 ///     schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
 ///         over three steps and reported. Needs `basis` for the start, and `dt` in every step.
-///     level: `"velocity"`, or `"acceleration"`: then `step_acceleration` gives joint accelerations; the independent joints
-///         accelerate by `velocity_gain` times what they lack of the reduced gradient. A change of basis changes the
-///         acceleration, and joint velocities have no jumps.
+///     level: `"velocity"`, or `"acceleration"`: then `step_acceleration` gives joint accelerations; the independent
+///         joints accelerate by `velocity_gain` times what they lack of the reduced gradient. A change of basis changes
+///         the acceleration, and joint velocities have no jumps.
 ///     velocity_gain: That rate, 1/s.
 ///
 /// Raises:
@@ -699,10 +700,10 @@ impl PyExtendedJacobian {
 ///     gain: Joint velocity per unit of the gradient, >= 0.
 ///     task: Which coordinates count; `pose` by default.
 ///     damping: As for `ProjectedGradient`; off by default, because near singularities the task is scaled.
-///     when_blocked: What becomes of a task that no scale above zero realises within the limits. `"stop"`: the tool stops
-///         (unless a joint has to brake). `"closest"`: it moves with the least task error `|J qd - v|` that the limits
-///         allow, among those joint velocities with the one nearest to the null-space wish; `scale` is 0 and `residual`
-///         that error.
+///     when_blocked: What becomes of a task that no scale above zero realises within the limits. `"stop"`: the tool
+///         stops (unless a joint has to brake). `"closest"`: it moves with the least task error `|J qd - v|` that the
+///         limits allow, among those joint velocities with the one nearest to the null-space wish; `scale` is 0 and
+///         `residual` that error.
 ///     scene: Obstacles to keep a distance from.
 ///     links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
 ///     safe_distance: Distance that is kept, m.
