@@ -294,7 +294,15 @@ fn problem(rng: &mut ChaCha8Rng, run: usize) -> Problem {
         }
         stacked = both;
         tasks.push(PriorityTask::Motion { task, link });
-        velocities.push((0..task.dim()).map(|_| speed * rng.random_range(-1.0..1.0)).collect());
+        if run % 5 == 0 {
+            velocities.push((0..task.dim()).map(|_| speed * rng.random_range(-1.0..1.0)).collect());
+            continue;
+        }
+        // Near a multiple of what the arm does already, so that acceleration limits leave a scale.
+        let near = DVector::from_fn(n, |i, _| {
+            before[i] + rng.random_range(-0.5..0.5) * dt * arm.joints()[i].limits.acceleration
+        });
+        velocities.push(([1.0, 1.5, 4.0][run % 3] * rows * near).as_slice().to_vec());
     }
     if tasks.is_empty() {
         tasks.push(PriorityTask::Motion { task: Task::POSITION, link: None });

@@ -68,7 +68,8 @@ def test_closest_is_the_least_error_within_limits(iiwa: rd.Chain) -> None:
         speed = arm.velocity_limit
         low = np.where(room[0] > 0, -speed, -1e-7)
         high = np.where(room[1] > 0, speed, 1e-7)
-        best = lsq_linear(arm.jacobian(q), v, (low, high), method="bvls", tol=1e-14)
+        best = lsq_linear(arm.jacobian(q), v, (low, high), method="bvls", tol=1e-14, max_iter=500)
+        assert best.success
         error = np.linalg.norm(arm.jacobian(q) @ step.qd - v)
         assert abs(error - np.linalg.norm(arm.jacobian(q) @ best.x - v)) < 1e-6
         assert step.status == "limits" and step.scale == 0.0 and abs(step.residual - error) < 1e-12

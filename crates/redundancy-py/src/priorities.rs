@@ -229,21 +229,23 @@ impl PyPriorityStep {
         PyArray1::from_slice(py, &self.qd)
     }
 
-    /// `converged`: all scales are 1; `singular`: a task is met only as nearly as those above allow; `limits`: limits
-    /// reduced one.
+    /// `converged`: all scales are 1; `singular`: tasks above leave an error of one; `limits`: limits reduced one.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.status)
     }
 
-    /// One for each task, in [0, 1]; of an inequality 1 where it holds, else the share of the way back that is made.
+    /// One for each task, in [0, 1].
+    ///
+    /// Of an inequality 1 where it holds, else the share of the way back that is made.
     #[getter]
     fn scales<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.scales)
     }
 
-    /// One for each task: `|J qd - scale v|` (`|J qd - v|` where no scale was possible), m/s and rad/s; of an
-    /// inequality what is missing.
+    /// One for each task, m/s and rad/s: `|J qd - scale v|`, or `|J qd - v|` where no scale was possible.
+    ///
+    /// Of an inequality what is missing.
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.residuals)

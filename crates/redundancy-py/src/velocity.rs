@@ -272,8 +272,7 @@ impl PyResolver {
         Ok(PyStep { qd: out, q, report, active, pairs, chain: self.chain.clone_ref(py), task })
     }
 
-    /// One step of a scheme with `level="acceleration"`: joint accelerations with
-    /// `J qdd + Jdot qd = task_acceleration`.
+    /// One step of a scheme with `level="acceleration"`: `J qdd + Jdot qd = task_acceleration`.
     ///
     /// Args:
     ///     q: Joint positions `(n,)`, rad or m.
