@@ -323,7 +323,7 @@ fn velocity(scheme: usize) -> Kernel {
     let mut qd = [0.0; 7];
     let round = move || {
         for q in &q {
-            let input = StepInput { q: black_box(q), velocity: &twist, dt: Some(0.01), qd: None };
+            let input = StepInput { q: black_box(q), velocity: &twist, dt: Some(0.01), qd: None, wish: None };
             black_box(scheme.step(&input, &mut qd).is_ok());
             black_box(qd);
         }

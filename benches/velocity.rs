@@ -71,8 +71,13 @@ fn steps(c: &mut Criterion) {
                 c.bench_function(&format!("velocity/{id}{suffix}/{name}"), |b| {
                     b.iter(|| {
                         let q = rows.next().map_or(&[][..], Vec::as_slice);
-                        let input =
-                            StepInput { q: black_box(q), velocity: &velocity, dt: Some(0.01), qd: None };
+                        let input = StepInput {
+                            q: black_box(q),
+                            velocity: &velocity,
+                            dt: Some(0.01),
+                            qd: None,
+                            wish: None,
+                        };
                         black_box(scheme.step(&input, &mut qd).is_ok())
                     });
                 });

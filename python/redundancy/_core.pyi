@@ -1390,8 +1390,8 @@ class Criterion:
     """
 
     @property
-    def dof(self) -> int:
-        """Number of joints n."""
+    def dof(self) -> int | None:
+        """Number of joints n; None where it fits any number."""
     @property
     def sense(self) -> Literal["minimize", "maximize"]:
         """`"minimize"` or `"maximize"`."""
@@ -1541,6 +1541,29 @@ class Step:
     def sigma_min(self) -> float:
         """Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for."""
 
+@final
+class AccelerationStep:
+    """Result of one step at acceleration level."""
+    @property
+    def qdd(self) -> NDArray[np.float64]:
+        """Joint acceleration `(n,)`, rad/s^2 or m/s^2."""
+    @property
+    def status(self) -> Status:
+        """`converged`; `singular` if damping (or a lost rank) kept the task from being met."""
+    @property
+    def damping(self) -> float:
+        """Largest damping factor that acted, in the unit of the singular values; 0 for none."""
+    @property
+    def residual(self) -> float:
+        """`|J qdd + Jdot qd - a|` in m/s^2 and rad/s^2, 0 up to rounding unless the status says otherwise."""
+    @property
+    def basis_changed(self) -> bool:
+        """Whether the reduced gradient changed its basis."""
+    @staticmethod
+    def _make(
+        qdd: Sequence[float], status: str, damping: float, residual: float, basis_changed: bool
+    ) -> AccelerationStep: ...
+
 @disjoint_base
 class Resolver:
     """A scheme that computes a joint velocity from a task velocity, step by step.
@@ -1555,6 +1578,7 @@ class Resolver:
         task_velocity: ArrayLike,
         dt: float | None = None,
         qd: ArrayLike | None = None,
+        wish: ArrayLike | None = None,
         *,
         t: float = 0.0,
     ) -> Step:
@@ -1566,11 +1590,39 @@ class Resolver:
                 spin about the tool axis does not count.
             dt: Length of the step, s; needed for limits and for the optimal gain.
             qd: Joint velocity before the step `(n,)`; without it acceleration is not limited.
+            wish: Joint velocity `(n,)`, rad/s or m/s, that the freedom is used for in place of the criterion's
+                gradient; neither criterion nor gain counts then.
             t: Time, s, for obstacles that move.
 
         Raises:
-            RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing.
+            RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing. An
+                exception of a `CustomCriterion` is raised as it is.
         """
+    def step_acceleration(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        task_acceleration: ArrayLike,
+        dt: float | None = None,
+        wish: ArrayLike | None = None,
+    ) -> AccelerationStep:
+        """One step of a scheme with `level="acceleration"`: joint accelerations with
+        `J qdd + Jdot qd = task_acceleration`.
+
+        Args:
+            q: Joint positions `(n,)`, rad or m.
+            qd: Joint velocity `(n,)`.
+            task_acceleration: As many numbers as a task velocity, m/s^2 and rad/s^2 (base axes): of the tool's origin
+                and of its angular velocity; for `pose_rpy` the second derivatives of the angles.
+            dt: Length of the step, s; only a `schedule` needs it.
+            wish: Joint velocity `(n,)` that the null-space motion approaches in place of the criterion's gradient.
+
+        Raises:
+            RedundancyError: A scheme of the velocity level, wrong sizes, numbers that are not finite.
+        """
+    @property
+    def level(self) -> Literal["velocity", "acceleration"]:
+        """`"velocity"` or `"acceleration"`."""
     @property
     def chain(self) -> Chain:
         """The chain that it was made for."""
@@ -1615,6 +1667,13 @@ class ProjectedGradient(Resolver):
         frame: Name of a link. The six coordinates of `pose` or `pose_rpy` are then transformed internally to its axes
             and origin (eq. 7), so that damping acts on the singular values of that Jacobian. Velocities and task
             errors are given as before.
+        level: `"velocity"`, or `"acceleration"`: then `step_acceleration` gives
+            `qdd = J^+ (a - Jdot qd) + (I - J^+ J) velocity_gain (eta - qd)`, and joint velocities have no jumps.
+        velocity_gain: Rate, 1/s, at which the acceleration level approaches the joint velocity of the velocity level.
+        inverse: `"pseudo"`: the least joint velocity (or acceleration). `"inertia"`: the least kinetic energy, with the
+            mass matrix M in `M^-1 J^T (J M^-1 J^T)^-1`; at acceleration level this is Khatib's dynamically consistent
+            inverse, whose null-space motion exerts no force on the tool. The projector changes with it.
+        weights: `(n,)`, positive: the least `sum w_i qd_i^2`, for `inverse="pseudo"`.
 
     Raises:
         RedundancyError: A task with more coordinates than joints, a criterion of another arm, a gain that is negative
@@ -1638,6 +1697,10 @@ class ProjectedGradient(Resolver):
         damping: _Damping = "auto",
         *,
         frame: str | None = None,
+        level: Literal["velocity", "acceleration"] = "velocity",
+        velocity_gain: float = 10.0,
+        inverse: Literal["pseudo", "inertia"] = "pseudo",
+        weights: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -1661,6 +1724,10 @@ class ReducedGradient(Resolver):
             inverse also in `J_R`, so that under damping it does.
         schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
             over three steps and reported. Needs `basis` for the start, and `dt` in every step.
+        level: `"velocity"`, or `"acceleration"`: then `step_acceleration` gives joint accelerations; the independent
+            joints accelerate by `velocity_gain` times what they lack of the reduced gradient. A change of basis changes
+            the acceleration, and joint velocities have no jumps.
+        velocity_gain: That rate, 1/s.
 
     Raises:
         RedundancyError: As for `ProjectedGradient`; a basis of another size, with a repeated joint or one that does
@@ -1679,6 +1746,8 @@ class ReducedGradient(Resolver):
         frame: str | None = None,
         form: Literal["robust", "paper"] = "robust",
         schedule: Sequence[tuple[float, Sequence[int]]] | None = None,
+        level: Literal["velocity", "acceleration"] = "velocity",
+        velocity_gain: float = 10.0,
     ) -> Self: ...
 
 @final
@@ -1730,6 +1799,10 @@ class SaturatedNullspace(Resolver):
         gain: Joint velocity per unit of the gradient, >= 0.
         task: Which coordinates count; `pose` by default.
         damping: As for `ProjectedGradient`; off by default, because near singularities the task is scaled.
+        when_blocked: What becomes of a task that no scale above zero realises within the limits. `"stop"`: the tool
+            stops (unless a joint has to brake). `"closest"`: it moves with the least task error `|J qd - v|` that the
+            limits allow, among those joint velocities with the one nearest to the null-space wish; `scale` is 0 and
+            `residual` that error.
         scene: Obstacles to keep a distance from.
         links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
         safe_distance: Distance that is kept, m.
@@ -1745,12 +1818,116 @@ class SaturatedNullspace(Resolver):
         task: _Task | None = None,
         damping: _Damping = None,
         *,
+        when_blocked: Literal["stop", "closest"] = "stop",
         scene: Scene | None = None,
         links: LinkGeometry | None = None,
         safe_distance: float = 0.02,
         barrier_rate: float = 5.0,
         self_collision: bool | Literal["auto"] = "auto",
     ) -> Self: ...
+
+_Level: TypeAlias = tuple[Any, ...] | Sequence[Any]
+
+@final
+class PrioritizedNullspace:
+    """Several tasks with strict priorities within hard limits.
+
+    Level by level: the largest scale in [0, 1] of that task's velocity that the limits and the tasks above allow, then
+    the next; last the joint velocity nearest to the wish. All problems are solved exactly; a step allocates nothing in
+    the core. Limits are those of `SaturatedNullspace`: position (with the distance that braking takes), velocity and,
+    when `step` gets `qd`, acceleration.
+
+    - Where the tasks above leave a task less freedom than it has coordinates, it is met as nearly as they allow (least
+      squares): the elbow's position below a full pose moves the elbow along its circle. `residuals` says what is
+      missing.
+    - Where no scale is possible (joints have to brake), the scale is 0 and the task error the least within the limits.
+    - Half-spaces and cones are inequalities. For a distance d from the bound (m or rad) it shrinks at most by
+      `min(barrier_rate d, sqrt(2 a_d d))` per s, a_d the deceleration that the acceleration limits allow; beyond the
+      bound it shrinks at the barrier rate. They have no velocity.
+
+    Args:
+        chain: The arm with its limits, or an arm object.
+        tasks: The first has the highest priority. `(task, link)` with the name of a task or a `Task`, and the name of a
+            link or None for the tool: velocities are those of that frame, base axes.
+            `("half_space", link, point, normal)`: the origin of the link stays on the side of the plane through `point`
+            (m) to which `normal` points, base axes. `("cone", link, axis, direction, half_angle)`: `axis`, a direction
+            in the link's frame, stays within `half_angle` (rad) of `direction`, base axes.
+        criterion: The wish is the gain times its gradient; None for the least joint velocity.
+        gain: Joint velocity per unit of the gradient, >= 0.
+        barrier_rate: How fast the distance from the bound of an inequality may shrink, 1/s; at most `1 / dt` counts.
+
+    Raises:
+        RedundancyError: No task, an unknown task or link, a cone or plane without direction, a criterion of another
+            arm.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("iiwa14")
+        >>> scheme = rd.PrioritizedNullspace(arm, [("position", None), ("position", "iiwa_link_4")])
+        >>> q = [0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4]
+        >>> scheme.step(q, [[0.1, 0, 0], [0, 0, 0.05]], 0.01).scales
+        array([1., 1.])
+    """
+    def __new__(
+        cls,
+        chain: Chain | SrsArm,
+        tasks: Sequence[_Level],
+        *,
+        criterion: Criterion | None = None,
+        gain: float = 1.0,
+        barrier_rate: float = 5.0,
+    ) -> Self: ...
+    def step(
+        self,
+        q: ArrayLike,
+        velocities: Sequence[ArrayLike | None],
+        dt: float,
+        qd: ArrayLike | None = None,
+        wish: ArrayLike | None = None,
+    ) -> PriorityStep:
+        """One step.
+
+        Args:
+            q: Joint positions `(n,)`, rad or m.
+            velocities: One entry for each task: its velocity, m/s and rad/s, with as many numbers as it has coordinates
+                (six for `pointing`); None for inequalities. Inequalities may also be left out altogether.
+            dt: Length of the step, s.
+            qd: Joint velocity before the step `(n,)`; without it acceleration is not limited.
+            wish: Joint velocity `(n,)` in place of the criterion's gradient.
+
+        Raises:
+            RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive.
+        """
+    @property
+    def chain(self) -> Chain:
+        """The chain that it was made for."""
+
+@final
+class PriorityStep:
+    """Result of one step of `PrioritizedNullspace`."""
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """Joint velocity `(n,)`, rad/s or m/s."""
+    @property
+    def status(self) -> Status:
+        """`converged`: all scales are 1; `singular`: a task is met only as nearly as those above allow; `limits`: limits
+        reduced one.
+        """
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """One for each task, in [0, 1]; of an inequality 1 where it holds, else the share of the way back that is made."""
+    @property
+    def residuals(self) -> NDArray[np.float64]:
+        """One for each task: `|J qd - scale v|` (`|J qd - v|` where no scale was possible), m/s and rad/s; of an
+        inequality what is missing.
+        """
+    @property
+    def active_limits(
+        self,
+    ) -> list[tuple[str, Literal["position", "velocity", "acceleration"], Literal["lower", "upper"]]]:
+        """Limits that the step is at: name of the joint, which limit, which side."""
+    @staticmethod
+    def _make(chain: Chain, status: str, numbers: Any, active: Any) -> PriorityStep: ...
 
 @final
 class Servo:
@@ -1996,6 +2173,104 @@ class Elbow(Criterion):
     """
 
     def __new__(cls, chain: Chain, point: ArrayLike, *, link: str | None = None) -> Self: ...
+
+@final
+class GravityTorque(Criterion):
+    """Size of the torques that hold the arm against gravity, to be minimised; N m (N for sliding joints).
+
+    `"norm"` is the root of the sum of squares of all joints, `"peak"` the largest magnitude; derivatives are exact.
+    Where two joints share the peak, its gradient is that of the first one and jumps there.
+
+    Args:
+        chain: The arm, with inertias; or an arm object.
+        measure: `"norm"` or `"peak"`.
+        gravity: `(3,)`, m/s^2, world axes.
+        weights: `(n,)`, not negative: torques are multiplied by them first. With `1 / chain.effort_limit` the peak is
+            the largest share of an effort limit.
+
+    Raises:
+        RedundancyError: A chain without inertias, an unknown measure, weights that are negative.
+
+    Example:
+        >>> import redundancy as rd
+        >>> round(float(rd.GravityTorque(rd.catalog.load("puma560"), "peak").value([0.0] * 6)), 4)
+        37.4837
+    """
+    def __new__(
+        cls,
+        chain: Chain | SrsArm,
+        measure: Literal["norm", "peak"] = "norm",
+        *,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        weights: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
+class KineticEnergy(Criterion):
+    """Kinetic energy of the arm at fixed joint velocities, to be minimised, J: how heavy the arm is to move.
+
+    `qd^T M(q) qd / 2` with the mass matrix M, rotors included. Without `qd`, `trace(M) / 2`: the sum of the energies
+    with which each joint alone moves at 1 rad/s or 1 m/s. The gradient is exact, the Hessian its difference quotient.
+
+    Args:
+        chain: The arm, with inertias; or an arm object.
+        qd: Joint velocity `(n,)`, rad/s or m/s.
+
+    Raises:
+        RedundancyError: A chain without inertias, a wrong size.
+    """
+    def __new__(cls, chain: Chain | SrsArm, *, qd: ArrayLike | None = None) -> Self: ...
+
+@final
+class Swivel(Criterion):
+    """Distance of the swivel of an S-R-S arm from a desired one, to be minimised: `1 - cos(swivel - desired)`.
+
+    About half of the squared difference, smooth everywhere but at the singular direction of the arm's chart, and with
+    the period of the swivel.
+
+    Args:
+        arm: The `SrsArm`, whose chart gives the angle its meaning; or a chain of this class, with the default chart.
+        desired: Angle, rad.
+
+    Raises:
+        NotSrsError: A chain of another class.
+        RedundancyError: An angle that is not finite.
+    """
+    def __new__(cls, arm: SrsArm | Chain, desired: float) -> Self: ...
+
+@final
+class CustomCriterion(Criterion):
+    """A function of yours as a criterion, usable wherever one is: in resolvers, `plan`, `best`, sums and multiples.
+
+    An exception of the function ends the call that evaluated it and is raised by that call. The function may be called
+    from several threads, one at a time (the GIL is taken for each evaluation), thousands of times by a search; a
+    control step calls `gradient` once, or `value` twice per joint without it.
+
+    Args:
+        value: Called with q `(n,)`, a fresh array; returns a finite number.
+        gradient: Called with q `(n,)`; returns dh/dq `(n,)`, per rad or m. Without it central differences of `value`
+            (1e-9 of its size off). The Hessian is always one of differences.
+        sense: `"minimize"` or `"maximize"`.
+        chain: The arm; without it any number of joints is accepted.
+
+    Raises:
+        RedundancyError: `value` or `gradient` that cannot be called, an unknown sense. When evaluated: numbers that are
+            not finite, a gradient of another length.
+
+    Example:
+        >>> import redundancy as rd
+        >>> h = rd.CustomCriterion(lambda q: float(q[0] ** 2), lambda q: [2 * q[0]] + [0.0] * 6)
+        >>> h.value([3.0] + [0.0] * 6)
+        9.0
+    """
+    def __new__(
+        cls,
+        value: Callable[[NDArray[np.float64]], Any],
+        gradient: Callable[[NDArray[np.float64]], Any] | None = None,
+        *,
+        sense: Literal["minimize", "maximize"] = "minimize",
+        chain: Chain | SrsArm | None = None,
+    ) -> Self: ...
 
 # self-motion
 

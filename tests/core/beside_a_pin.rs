@@ -84,7 +84,9 @@ fn held(arm: &SrsArm, scene: &Scene) -> [f64; 7] {
             );
         let v: Vec<f64> = linear.iter().chain(angular.iter()).map(|e| 10.0 * e).collect();
         let before = qd;
-        scheme.step(&StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: Some(&before) }, &mut qd).unwrap();
+        scheme
+            .step(&StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: Some(&before), wish: None }, &mut qd)
+            .unwrap();
         q.iter_mut().zip(&qd).for_each(|(q, qd)| *q += 0.01 * qd);
     }
     q

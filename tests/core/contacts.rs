@@ -127,7 +127,7 @@ fn steps_beside_obstacles_are_optimal() {
             let t = 0.01 * f64::from(step);
             scheme.set_time(t);
             let before = qd.clone();
-            let input = StepInput { q: &q, velocity: &v, dt: Some(dt), qd: Some(&before) };
+            let input = StepInput { q: &q, velocity: &v, dt: Some(dt), qd: Some(&before), wish: None };
             let report = scheme.step(&input, &mut qd).unwrap();
             let joints: Vec<(f64, f64)> =
                 (0..n).map(|i| stated_bounds(&limits[i], q[i], Some(before[i]), dt)).collect();
@@ -222,7 +222,7 @@ fn a_ball_in_the_way() {
             let rows = all_pairs(&around, &q, t);
             let before = qd.clone();
             let wanted = [velocity, 0.0, 0.0];
-            let input = StepInput { q: &q, velocity: &wanted, dt: Some(dt), qd: Some(&before) };
+            let input = StepInput { q: &q, velocity: &wanted, dt: Some(dt), qd: Some(&before), wish: None };
             scheme.step(&input, &mut qd).unwrap();
             named |= scheme.limiting_pairs().iter().any(|pair| around.name(pair.second) == "ball");
             let tool = |q: &[f64]| arm.forward(q).unwrap().translation.vector;
@@ -258,7 +258,7 @@ fn too_near_leads_away() {
     let scheme = SaturatedNullspace::new(&arm, None, Gain::Constant(0.0), Task::POSITION, None);
     let mut scheme = scheme.unwrap().with_contacts(around.clone(), settings).unwrap();
     let mut qd = [0.0; 7];
-    let input = StepInput { q: &q, velocity: &[0.0; 3], dt: Some(0.01), qd: None };
+    let input = StepInput { q: &q, velocity: &[0.0; 3], dt: Some(0.01), qd: None, wish: None };
     let report = scheme.step(&input, &mut qd).unwrap();
     assert_eq!(report.status, Status::Limits);
     assert_eq!(scheme.limiting_pairs()[0].distance, d);
@@ -290,7 +290,9 @@ fn a_step_beside_obstacles_allocates_nothing() {
         (0..10).map(|_| (0..7).map(|_| rng.random_range(-2.0..2.0)).collect()).collect();
     let mut step = |q: &[f64], k: f64| {
         let v = [0.3, k, 0.2, 0.0, k, 0.1];
-        scheme.step(&StepInput { q, velocity: &v, dt: Some(0.01), qd: Some(&[0.0; 7]) }, &mut qd).unwrap();
+        scheme
+            .step(&StepInput { q, velocity: &v, dt: Some(0.01), qd: Some(&[0.0; 7]), wish: None }, &mut qd)
+            .unwrap();
     };
     rows.iter().for_each(|q| step(q, 0.1));
     let allocations = allocations::count(|| rows.iter().for_each(|q| step(q, -0.4)));

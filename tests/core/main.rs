@@ -22,6 +22,7 @@ mod ik_spherical_wrist;
 mod inverse_dynamics;
 mod joint_space;
 mod kinematics;
+mod levels;
 mod optimum;
 mod painting;
 mod panda_class;

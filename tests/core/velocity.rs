@@ -62,7 +62,7 @@ fn the_vectors_of_dexter() {
         -0.028403101782,
         -0.29325268353,
     ];
-    let still = StepInput { q: &q, velocity: &[0.0; 6], dt: None, qd: None };
+    let still = StepInput { q: &q, velocity: &[0.0; 6], dt: None, qd: None, wish: None };
     let gain = Gain::Constant(10.0);
     for task in [Task::POSE, Task::POSE_RPY] {
         let mut qd = [0.0; 8];
@@ -125,7 +125,7 @@ fn dexter_run_to_the_end(resolver: &mut dyn Resolver, moves: bool) -> DexterRun 
         angle = angle.max(error.fixed_rows::<3>(3).amax());
         let v = (end - start) * rate + error * 5.0;
         let mut qd = vec![0.0; 8];
-        let input = StepInput { q: &q, velocity: v.as_slice(), dt: Some(dt), qd: None };
+        let input = StepInput { q: &q, velocity: v.as_slice(), dt: Some(dt), qd: None, wish: None };
         if resolver.step(&input, &mut qd).unwrap().basis_changed {
             changes.push(t);
         }
@@ -171,7 +171,7 @@ fn reduced_gradient_converges_sooner() {
         let target = h.value(&q) - 0.9 * (h.value(&q) - optimum);
         (1..4000)
             .find(|_| {
-                let input = StepInput { q: &q, velocity: &[0.0; 6], dt: Some(0.0025), qd: None };
+                let input = StepInput { q: &q, velocity: &[0.0; 6], dt: Some(0.0025), qd: None, wish: None };
                 resolver.step(&input, &mut qd).unwrap();
                 q.iter_mut().zip(&qd).for_each(|(q, qd)| *q += 0.0025 * qd);
                 h.value(&q) < target
@@ -333,7 +333,7 @@ fn a_task_in_a_middle_frame() {
             continue;
         }
         let v: Vec<f64> = (0..6).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let input = StepInput { q: &q, velocity: &v, dt: None, qd: None };
+        let input = StepInput { q: &q, velocity: &v, dt: None, qd: None, wish: None };
         let mut qd = [[0.0; 8]; 4];
         let schemes: [&mut dyn Resolver; 4] = [&mut plain, &mut middle, &mut projected, &mut seen];
         for (scheme, qd) in schemes.into_iter().zip(&mut qd) {
@@ -371,7 +371,7 @@ fn a_scheduled_basis_changes_when_it_is_due() {
     assert!(words(scheme(None).with_schedule(&[(1.0, &later)]).unwrap_err()).contains("basis of the start"));
     let back: [(f64, &[usize]); 2] = [(2.0, &later), (1.0, &PAPER_BASIS)];
     assert!(words(scheme(Some(&later)).with_schedule(&back).unwrap_err()).contains(">= 2 s"));
-    let still = StepInput { q: &q, velocity: &[0.0; 6], dt: None, qd: None };
+    let still = StepInput { q: &q, velocity: &[0.0; 6], dt: None, qd: None, wish: None };
     let refused = scheme(Some(&later)).with_schedule(&[(1.0, &later)]).unwrap().step(&still, &mut [0.0; 8]);
     assert!(words(refused.unwrap_err()).contains("dt is missing"));
 }
@@ -427,7 +427,7 @@ fn the_task_is_met_where_the_arm_is_regular() {
             let j = task_jacobian(&arm, &task, &q);
             for scheme in &mut schemes {
                 let mut qd = vec![0.0; arm.dof()];
-                let input = StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: None };
+                let input = StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: None, wish: None };
                 let report = scheme.step(&input, &mut qd).unwrap();
                 let error = (&j * DVector::from_column_slice(&qd) - wanted.rows(0, task.dim())).amax();
                 // The optimal gain moves the joints by radians within a step of 10 ms.
@@ -485,7 +485,7 @@ fn the_freedom_stays_off_the_task_under_damping() {
                     Box::new(ProjectedGradient::new(&arm, h, gain, Task::POSE, damping).unwrap())
                 };
                 let mut qd = vec![0.0; n];
-                let input = StepInput { q: &q, velocity: v, dt: None, qd: None };
+                let input = StepInput { q: &q, velocity: v, dt: None, qd: None, wish: None };
                 let report = scheme.step(&input, &mut qd).unwrap();
                 (DVector::from_vec(qd), report)
             };
@@ -512,7 +512,8 @@ fn a_step_allocates_nothing() {
             let mut qd = vec![0.0; 8];
             for q in [q.to_vec(), vec![0.0; 8]] {
                 let v = vec![0.3; task.velocity_len()];
-                let input = StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: Some(&[0.0; 8]) };
+                let input =
+                    StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: Some(&[0.0; 8]), wish: None };
                 let allocations = allocations::count(|| {
                     for _ in 0..10 {
                         scheme.step(&input, &mut qd).unwrap();
@@ -643,7 +644,7 @@ fn saturation_holds_limits_and_is_optimal() {
                 v = std::array::from_fn(|_| rng.random_range(-0.5..0.5));
             }
             let before = qd.clone();
-            let input = StepInput { q: &q, velocity: &v, dt: Some(dt), qd: Some(&before) };
+            let input = StepInput { q: &q, velocity: &v, dt: Some(dt), qd: Some(&before), wish: None };
             let report = scheme.step(&input, &mut qd).unwrap();
             let bounds: Vec<(f64, f64)> =
                 (0..n).map(|i| stated_bounds(&limits[i], q[i], Some(before[i]), dt)).collect();

@@ -1,5 +1,13 @@
 //! Every numeric threshold of the crate, named, with the reason for its size.
 
+mod levels;
+
+pub use levels::{
+    BLOCKED_SCALE, CONE_AXIS_SINE, FROZEN_MULTIPLIER, FROZEN_ROW, GRADIENT_DIFFERENCE, LEVEL_RANK,
+    PRIORITY_RESIDUAL, PROXIMAL_CHANGE, PROXIMAL_WEIGHT, SECOND_DIFFERENCE, TORQUE_ZERO,
+    UNREACHABLE_VELOCITY, VALUE_DIFFERENCE, YIELD_WEIGHT,
+};
+
 /// Largest deviation of `R^T R` from the identity (max norm) of a rotation that is used as the caller gives it.
 /// Single-precision matrices (6e-8 per entry) are.
 pub const ROTATION_ORTHONORMAL: f64 = 1e-6;
@@ -473,13 +481,6 @@ pub const BOX_VIOLATION: f64 = 1e-12;
 
 /// Squared share of a row that is left beside the active ones below which it depends on them: rounding leaves 1e-32.
 pub const BOX_INDEPENDENT: f64 = 1e-22;
-
-/// Velocity, relative to 1 + that of the task, by which the task may be missed where the arm has lost a direction that it
-/// does not need.
-pub const UNREACHABLE_VELOCITY: f64 = 1e-9;
-
-/// Weight of the joint velocity beside the task, squared, where no scale is allowed and the task is only approached.
-pub const YIELD_WEIGHT: f64 = 1e-6;
 
 /// Ratio of the smallest to the largest singular value of a task Jacobian below which a configuration is a kinematic
 /// singularity: null-space directions have then lost six of their sixteen digits, joint speeds are a million times the

@@ -6,17 +6,22 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use redundancy_core::criterion::{
-    CLEARANCE_SMOOTHING, Clearance, Criterion, Elbow, JointRange, Manipulability, Measure, Posture, Weighted,
+    CLEARANCE_SMOOTHING, Clearance, Criterion, Elbow, GravityTorque, JointRange, KineticEnergy,
+    Manipulability, Measure, Posture, TorqueMeasure, Weighted,
 };
 use redundancy_core::kinematics::Task;
 use redundancy_core::nalgebra::DMatrix;
 use redundancy_core::scene::Surroundings;
+use redundancy_core::solutions::{SrsArm, SwivelCriterion};
 
+use crate::callback::{Failures, Watching};
 use crate::chain::PyChain;
 use crate::convert::{Argument, Given, read_array, read_rows, read_vector, to_array};
 use crate::error::to_py;
 use crate::links::{LinkRadius, PyLinkGeometry, geometry_of};
+use crate::plan::read_chain;
 use crate::scene::{LINK_RADIUS, PyScene};
+use crate::self_motion::PySrsArm;
 use crate::task::{PyTask, read_task};
 
 /// A scalar function of the configuration, with gradient and Hessian.
@@ -28,11 +33,18 @@ pub struct PyCriterion {
     /// Class and arguments that make it again.
     recipe: Py<PyTuple>,
     text: String,
+    /// Exceptions of the functions of the user's that it evaluates.
+    pub failures: Vec<Arc<Failures>>,
 }
 
 impl PyCriterion {
-    fn new(criterion: Arc<dyn Criterion>, recipe: Bound<'_, PyTuple>, text: String) -> Self {
-        Self { criterion, recipe: recipe.unbind(), text }
+    pub fn new(criterion: Arc<dyn Criterion>, recipe: Bound<'_, PyTuple>, text: String) -> Self {
+        Self { criterion, recipe: recipe.unbind(), text, failures: Vec::new() }
+    }
+
+    /// With functions of the user's.
+    pub fn failing(self, failures: Vec<Arc<Failures>>) -> Self {
+        Self { failures, ..self }
     }
 
     /// Calls `one` for each row of `q` and collects `width` numbers from each.
@@ -42,15 +54,28 @@ impl PyCriterion {
         width: usize,
         one: impl Fn(&[f64], &mut [f64]),
     ) -> PyResult<(Vec<f64>, Option<usize>)> {
-        let n = self.criterion.dof();
+        let (n, q_py) = (self.dof_for(q)?, q.py());
         let rows = read_rows(q, "q", &[n])?;
         let values = rows.as_slice()?;
         let mut out = vec![0.0; values.len() / n.max(1) * width];
+        let watching = Watching::new(&self.failures);
         for (q, out) in values.chunks_exact(n).zip(out.chunks_exact_mut(width)) {
             self.criterion.check(q).map_err(to_py)?;
             one(q, out);
+            watching.check(q_py)?;
         }
         Ok((out, rows.batch))
+    }
+
+    /// Number of joints: its own, or that of `q`.
+    fn dof_for(&self, q: &Bound<'_, PyAny>) -> PyResult<usize> {
+        if !self.criterion.any_dof() {
+            return Ok(self.criterion.dof());
+        }
+        let last = q.py().import("numpy")?.getattr("shape")?.call1((q,))?.extract::<Vec<usize>>()?;
+        last.last().copied().filter(|n| *n > 0).ok_or_else(|| {
+            to_py(redundancy_core::Error::Invalid("q must be (n,) or (N, n) with n > 0".into()))
+        })
     }
 }
 
@@ -61,10 +86,10 @@ impl Argument for PyCriterion {
 
 #[pymethods]
 impl PyCriterion {
-    /// Number of joints n.
+    /// Number of joints n; None where it fits any number.
     #[getter]
-    fn dof(&self) -> usize {
-        self.criterion.dof()
+    fn dof(&self) -> Option<usize> {
+        (!self.criterion.any_dof()).then(|| self.criterion.dof())
     }
 
     /// `"minimize"` or `"maximize"`.
@@ -87,7 +112,7 @@ impl PyCriterion {
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
     fn gradient<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.criterion.dof();
+        let n = self.dof_for(q)?;
         let (out, batch) = self.rows(q, n, |q, out| self.criterion.gradient(q, out))?;
         match batch {
             None => Ok(PyArray1::from_vec(py, out).into_any()),
@@ -100,7 +125,7 @@ impl PyCriterion {
     /// Args:
     ///     q: Joint positions `(n,)` or `(N, n)`, rad or m.
     fn hessian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.criterion.dof();
+        let n = self.dof_for(q)?;
         let (out, batch) = self.rows(q, n * n, |q, out| {
             let mut hessian = DMatrix::zeros(n, n);
             self.criterion.hessian(q, &mut hessian);
@@ -118,7 +143,9 @@ impl PyCriterion {
         let sum = Weighted::sum(a.criterion.clone(), b.criterion.clone()).map_err(to_py)?;
         let add = this.py().import("operator")?.getattr("add")?;
         let recipe = PyTuple::new(this.py(), [add, PyTuple::new(this.py(), [this, other])?.into_any()])?;
-        Bound::new(this.py(), Self::new(Arc::new(sum), recipe, format!("{} + {}", a.text, b.text)))
+        let failures = a.failures.iter().chain(&b.failures).cloned().collect();
+        let sum = Self::new(Arc::new(sum), recipe, format!("{} + {}", a.text, b.text));
+        Bound::new(this.py(), sum.failing(failures))
     }
 
     fn __mul__<'py>(this: &Bound<'py, Self>, factor: f64) -> PyResult<Bound<'py, Self>> {
@@ -127,7 +154,8 @@ impl PyCriterion {
         let py = this.py();
         let arguments = PyTuple::new(py, [this.clone().into_any(), factor.into_pyobject(py)?.into_any()])?;
         let recipe = PyTuple::new(py, [py.import("operator")?.getattr("mul")?, arguments.into_any()])?;
-        Bound::new(py, Self::new(Arc::new(multiple), recipe, format!("{factor} * ({})", a.text)))
+        let multiple = Self::new(Arc::new(multiple), recipe, format!("{factor} * ({})", a.text));
+        Bound::new(py, multiple.failing(a.failures.clone()))
     }
 
     fn __rmul__<'py>(this: &Bound<'py, Self>, factor: f64) -> PyResult<Bound<'py, Self>> {
@@ -375,14 +403,158 @@ impl PyElbow {
     }
 }
 
+/// Size of the torques that hold the arm against gravity, to be minimised; N m (N for sliding joints).
+///
+/// `"norm"` is the root of the sum of squares of all joints, `"peak"` the largest magnitude; derivatives are exact.
+/// Where two joints share the peak, its gradient is that of the first one and jumps there.
+///
+/// Args:
+///     chain: The arm, with inertias; or an arm object.
+///     measure: `"norm"` or `"peak"`.
+///     gravity: `(3,)`, m/s^2, world axes.
+///     weights: `(n,)`, not negative: torques are multiplied by them first. With `1 / chain.effort_limit` the peak is
+///         the largest share of an effort limit.
+///
+/// Raises:
+///     RedundancyError: A chain without inertias, an unknown measure, weights that are negative.
+///
+/// Example:
+///     >>> import redundancy as rd
+///     >>> round(float(rd.GravityTorque(rd.catalog.load("puma560"), "peak").value([0.0] * 6)), 4)
+///     37.4837
+#[pyclass(name = "GravityTorque", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyGravityTorque;
+
+#[pymethods]
+impl PyGravityTorque {
+    #[new]
+    #[pyo3(signature = (chain, measure="norm", *, gravity=None, weights=None),
+        text_signature = "(chain, measure=\"norm\", *, gravity=(0.0, 0.0, -9.81), weights=None)")]
+    fn new(
+        chain: &Bound<'_, PyAny>,
+        measure: &str,
+        gravity: Option<&Bound<'_, PyAny>>,
+        weights: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let chain = read_chain(chain)?;
+        let arm = &chain.get().chain;
+        let measure = TorqueMeasure::from_name(measure).map_err(to_py)?;
+        let mut criterion = GravityTorque::new(arm, measure).map_err(to_py)?;
+        let options = PyDict::new(py);
+        if let Some(gravity) = gravity {
+            let gravity: [f64; 3] = read_array(gravity, "gravity")?;
+            criterion = criterion.under(gravity).map_err(to_py)?;
+            options.set_item("gravity", gravity)?;
+        }
+        if let Some(weights) = weights {
+            let weights = read_vector(weights, "weights", Some(arm.dof()))?;
+            criterion = criterion.weighted(&weights).map_err(to_py)?;
+            options.set_item("weights", weights)?;
+        }
+        let text = format!("GravityTorque({}, measure='{}')", arm.name(), measure.as_str());
+        let arguments = (&chain, measure.as_str()).into_pyobject(py)?;
+        let recipe = partial(py, py.get_type::<Self>().into_any(), arguments, options)?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// Kinetic energy of the arm at fixed joint velocities, to be minimised, J: how heavy the arm is to move.
+///
+/// `qd^T M(q) qd / 2` with the mass matrix M, rotors included. Without `qd`, `trace(M) / 2`: the sum of the energies
+/// with which each joint alone moves at 1 rad/s or 1 m/s. The gradient is exact, the Hessian its difference quotient.
+///
+/// Args:
+///     chain: The arm, with inertias; or an arm object.
+///     qd: Joint velocity `(n,)`, rad/s or m/s.
+///
+/// Raises:
+///     RedundancyError: A chain without inertias, a wrong size.
+#[pyclass(name = "KineticEnergy", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PyKineticEnergy;
+
+#[pymethods]
+impl PyKineticEnergy {
+    #[new]
+    #[pyo3(signature = (chain, *, qd=None))]
+    fn new(chain: &Bound<'_, PyAny>, qd: Option<&Bound<'_, PyAny>>) -> PyResult<PyClassInitializer<Self>> {
+        let py = chain.py();
+        let chain = read_chain(chain)?;
+        let arm = &chain.get().chain;
+        let qd = qd.map(|qd| read_vector(qd, "qd", Some(arm.dof()))).transpose()?;
+        let criterion = match &qd {
+            None => KineticEnergy::new(arm),
+            Some(qd) => KineticEnergy::of_velocity(arm, qd),
+        };
+        let of = qd.as_ref().map_or(String::new(), |qd| format!(", qd={qd:?}"));
+        let text = format!("KineticEnergy({}{of})", arm.name());
+        let options = PyDict::new(py);
+        options.set_item("qd", qd)?;
+        let arguments = (&chain,).into_pyobject(py)?;
+        let recipe = partial(py, py.get_type::<Self>().into_any(), arguments, options)?;
+        let criterion = criterion.map_err(to_py)?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
+/// Distance of the swivel of an S-R-S arm from a desired one, to be minimised: `1 - cos(swivel - desired)`.
+///
+/// About half of the squared difference, smooth everywhere but at the singular direction of the arm's chart, and with
+/// the period of the swivel.
+///
+/// Args:
+///     arm: The `SrsArm`, whose chart gives the angle its meaning; or a chain of this class, with the default chart.
+///     desired: Angle, rad.
+///
+/// Raises:
+///     NotSrsError: A chain of another class.
+///     RedundancyError: An angle that is not finite.
+#[pyclass(name = "Swivel", module = "redundancy", frozen, extends = PyCriterion)]
+pub struct PySwivel;
+
+#[pymethods]
+impl PySwivel {
+    #[new]
+    fn new(arm: &Bound<'_, PyAny>, desired: f64) -> PyResult<PyClassInitializer<Self>> {
+        let py = arm.py();
+        let srs = match arm.cast::<PySrsArm>() {
+            Ok(srs) => srs.get().arm.clone(),
+            Err(_) => SrsArm::new(&read_chain(arm)?.get().chain).map_err(to_py)?,
+        };
+        let criterion = SwivelCriterion::new(&srs, desired).map_err(to_py)?;
+        let text = format!("Swivel({}, desired={desired:?})", srs.chain().name());
+        let arguments = (arm, desired).into_pyobject(py)?.into_any();
+        let recipe = PyTuple::new(py, [py.get_type::<Self>().into_any(), arguments])?;
+        Ok(PyClassInitializer::from(PyCriterion::new(Arc::new(criterion), recipe, text)).add_subclass(Self))
+    }
+}
+
 /// A recipe with keyword arguments: `(functools.partial(class, **keywords), arguments)`.
-fn partial<'py>(
+pub fn partial<'py>(
     py: Python<'py>,
     class: Bound<'py, PyAny>,
     arguments: Bound<'py, PyTuple>,
-    keywords: Bound<'py, PyTuple>,
+    keywords: impl IntoKeywords<'py>,
 ) -> PyResult<Bound<'py, PyTuple>> {
-    let options = PyDict::from_sequence(keywords.as_any())?;
+    let options = keywords.into_keywords()?;
     let make = py.import("functools")?.getattr("partial")?.call((class,), Some(&options))?;
     PyTuple::new(py, [make, arguments.into_any()])
+}
+
+/// Pairs of a name and a value, or a dictionary.
+pub trait IntoKeywords<'py> {
+    /// As a dictionary.
+    fn into_keywords(self) -> PyResult<Bound<'py, PyDict>>;
+}
+
+impl<'py> IntoKeywords<'py> for Bound<'py, PyTuple> {
+    fn into_keywords(self) -> PyResult<Bound<'py, PyDict>> {
+        PyDict::from_sequence(self.as_any())
+    }
+}
+
+impl<'py> IntoKeywords<'py> for Bound<'py, PyDict> {
+    fn into_keywords(self) -> PyResult<Self> {
+        Ok(self)
+    }
 }

@@ -16,6 +16,7 @@ use redundancy_core::rotation::unit_direction;
 use redundancy_core::{Error, Status};
 
 use crate::batch::in_blocks;
+use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{Fresh, Given, read_array, read_pose, read_rows, read_vector};
 use crate::criterion::PyCriterion;
@@ -78,6 +79,13 @@ pub struct PyIkSolver {
     attractions: Vec<(String, [f64; 3], f64)>,
     /// Memory of earlier calls, to be used again.
     memory: Mutex<Vec<IkMemory>>,
+}
+
+impl PyIkSolver {
+    /// One call during which the criterion may fail.
+    fn watching(&self) -> Watching {
+        Watching::criterion(self.criterion.as_ref().map(|criterion| criterion.get()))
+    }
 }
 
 #[pymethods]
@@ -201,8 +209,10 @@ impl PyIkSolver {
         let q0 = q0.map(|q0| read_vector(q0, "q0", Some(n))).transpose()?;
         let mut memory = self.borrow().unwrap_or_else(|| self.solver.memory());
         let mut result = IkResult::new(n);
+        let watching = self.watching();
         let done = py.detach(|| self.solver.solve_into(&pose, q0.as_deref(), seed, &mut memory, &mut result));
         self.give_back(memory);
+        watching.check(py)?;
         done.map_err(to_py)?;
         Ok(PyIkResult { result })
     }
@@ -245,7 +255,8 @@ impl PyIkSolver {
             let (position, orientation) = (position.memory()?, orientation.memory()?);
             let proven = proven.memory()?;
             let data = targets.as_slice()?;
-            in_blocks(py, rows, SOLVER_BLOCK, threads, |r| {
+            let watching = self.watching();
+            let done = in_blocks(py, rows, SOLVER_BLOCK, threads, |r| {
                 let start = start.map(|q0| if single { q0 } else { &q0[r.start * n..r.end * n] });
                 let mut out = IkBatch {
                     q: &mut q[r.start * n..r.end * n],
@@ -256,7 +267,9 @@ impl PyIkSolver {
                     proven: &mut proven[r.clone()],
                 };
                 self.solver.solve_batch(&data[r.start * 16..r.end * 16], start, seed, &mut out)
-            })?;
+            });
+            watching.check(py)?;
+            done?;
         }
         Ok(PyIkBatch {
             q: q.finish().unbind(),
@@ -278,7 +291,10 @@ impl PyIkSolver {
     fn trace(&self, py: Python<'_>, pose: &Bound<'_, PyAny>, q0: &Bound<'_, PyAny>) -> PyResult<PyIkTrace> {
         let pose = read_target(pose, &self.solver.settings().task)?;
         let q0 = read_vector(q0, "q0", Some(self.solver.chain().dof()))?;
-        let trace = py.detach(|| self.solver.trace(&pose, &q0)).map_err(to_py)?;
+        let watching = self.watching();
+        let trace = py.detach(|| self.solver.trace(&pose, &q0));
+        watching.check(py)?;
+        let trace = trace.map_err(to_py)?;
         Ok(PyIkTrace { trace })
     }
 

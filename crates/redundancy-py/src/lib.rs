@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 
 mod arms;
 mod batch;
+mod callback;
 mod capability;
 mod chain;
 mod check;
@@ -34,6 +35,7 @@ mod orientation_set;
 mod path;
 mod plan;
 mod planning;
+mod priorities;
 mod quaternion;
 mod retime;
 mod rotation;
@@ -42,6 +44,7 @@ mod self_motion;
 mod solutions;
 mod speed;
 mod status;
+mod step;
 mod streaming;
 mod task;
 mod velocity;
@@ -53,6 +56,8 @@ mod _core {
 
     #[pymodule_export]
     use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
+    #[pymodule_export]
+    use callback::PyCustomCriterion;
     #[pymodule_export]
     use capability::pose_metrics;
     #[pymodule_export]
@@ -67,8 +72,8 @@ mod _core {
     };
     #[pymodule_export]
     use criterion::{
-        PyClearanceCriterion, PyCriterion, PyElbow, PyJointRange, PyManipulability, PyPosture,
-        PySelfClearanceCriterion,
+        PyClearanceCriterion, PyCriterion, PyElbow, PyGravityTorque, PyJointRange, PyKineticEnergy,
+        PyManipulability, PyPosture, PySelfClearanceCriterion, PySwivel,
     };
     #[pymodule_export]
     use ik::{
@@ -94,6 +99,8 @@ mod _core {
     #[pymodule_export]
     use planning::{PySwivelFlow, PySwivelPlan, py_plan_swivel};
     #[pymodule_export]
+    use priorities::{PyPrioritizedNullspace, PyPriorityStep};
+    #[pymodule_export]
     use quaternion::{
         py_pose, quaternion_conjugate, quaternion_from_axis_angle, quaternion_from_matrix,
         quaternion_product, quaternion_rotate, quaternion_to_axis_angle, quaternion_to_matrix,
@@ -116,13 +123,15 @@ mod _core {
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
     #[pymodule_export]
+    use step::{PyAccelerationStep, PyStep};
+    #[pymodule_export]
     use streaming::{PyServo, PyServoTick};
     #[pymodule_export]
     use task::PyTask;
     #[pymodule_export]
     use velocity::{
         PyDamping, PyExtendedJacobian, PyProjectedGradient, PyReducedGradient, PyResolver,
-        PySaturatedNullspace, PyStep, PyTrack, py_track,
+        PySaturatedNullspace, PyTrack, py_track,
     };
 
     #[pymodule_export]

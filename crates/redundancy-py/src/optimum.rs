@@ -15,6 +15,7 @@ use redundancy_core::path::Plan;
 use redundancy_core::{Pose, Status};
 
 use crate::batch::in_blocks;
+use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{Given, read_rows, read_vector, to_array};
 use crate::criterion::PyCriterion;
@@ -146,12 +147,15 @@ pub fn py_classify<'py>(
     task: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let chain = &chain.get().chain;
+    let watching = Watching::criterion(Some(criterion.get()));
     let criterion = criterion.get().criterion.as_ref();
     let mut classifier = Classifier::new(chain, criterion, task_or_pose(task)?).map_err(to_py)?;
     let rows = read_rows(q, "q", &[chain.dof()])?;
     let mut out = Vec::with_capacity(rows.batch.unwrap_or(1));
     for q in rows.as_slice()?.chunks_exact(chain.dof()) {
-        let kind = classifier.classify(q).map_err(to_py)?;
+        let kind = classifier.classify(q);
+        watching.check(py)?;
+        let kind = kind.map_err(to_py)?;
         out.push(Bound::new(py, PyClassification { at: classifier.result(kind) })?);
     }
     match (rows.batch, out.pop()) {
@@ -285,15 +289,16 @@ pub fn py_constrained_optima(
     starts: Option<usize>,
     step: Option<f64>,
 ) -> PyResult<Vec<PyCriticalPoint>> {
+    let watching = Watching::criterion(Some(criterion.get()));
     let (chain, criterion) = (chain.get().chain.clone(), criterion.get().criterion.clone());
     let task = task_or_pose(task)?;
     let target = read_target(pose, &task)?;
     let default = OptimaSettings::default();
     let settings =
         OptimaSettings { seed, starts: starts.unwrap_or(default.starts), step: step.unwrap_or(default.step) };
-    let points = py
-        .detach(|| constrained_optima(&chain, &target, criterion.as_ref(), task, &settings))
-        .map_err(to_py)?;
+    let points = py.detach(|| constrained_optima(&chain, &target, criterion.as_ref(), task, &settings));
+    watching.check(py)?;
+    let points = points.map_err(to_py)?;
     Ok(points.into_iter().map(|point| PyCriticalPoint { point }).collect())
 }
 
@@ -365,8 +370,11 @@ pub fn py_cofactor_condition(
 ) -> PyResult<PyCofactorCondition> {
     let chain = &chain.get().chain;
     let q = read_vector(q, "q", Some(chain.dof()))?;
-    let criterion = criterion.get().criterion.as_ref();
-    let at = cofactor_condition(chain, &q, criterion, task_or_pose(task)?).map_err(to_py)?;
+    let watching = Watching::criterion(Some(criterion.get()));
+    let h = criterion.get().criterion.as_ref();
+    let at = cofactor_condition(chain, &q, h, task_or_pose(task)?);
+    watching.check(criterion.py())?;
+    let at = at.map_err(to_py)?;
     Ok(PyCofactorCondition { at })
 }
 
@@ -510,16 +518,17 @@ pub fn py_follow_optimum<'py>(
     step: Option<f64>,
 ) -> PyResult<Bound<'py, PyFollowedOptimum>> {
     let (chain, path) = (&chain.get().chain, &path.get().path);
+    let watching = Watching::criterion(Some(criterion.get()));
     let criterion = criterion.get().criterion.clone();
     let q0 = read_vector(q0, "q0", Some(chain.dof()))?;
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
-    let (followed, plan) = py
-        .detach(|| {
-            let followed = follow_optimum(chain, path, &q0, criterion.as_ref(), task, &settings)?;
-            let plan = followed.plan(chain, path)?;
-            Ok((followed, plan))
-        })
-        .map_err(to_py)?;
+    let done = py.detach(|| {
+        let followed = follow_optimum(chain, path, &q0, criterion.as_ref(), task, &settings)?;
+        let plan = followed.plan(chain, path)?;
+        Ok((followed, plan))
+    });
+    watching.check(py)?;
+    let (followed, plan) = done.map_err(to_py)?;
     PyFollowedOptimum::new_bound(py, followed, plan)
 }
 
@@ -646,21 +655,26 @@ pub fn py_rank_starts<'py>(
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (chain, path) = (&chain.get().chain, &path.get().path);
+    let watching = Watching::criterion(Some(criterion.get()));
     let criterion = criterion.get().criterion.clone();
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
     let default = OptimaSettings::default();
     let optima = OptimaSettings { seed, starts: starts.unwrap_or(default.starts), ..default };
     let h = criterion.as_ref();
     let (mut points, mut ranked) = (Vec::new(), Vec::new());
-    in_blocks(py, 1, 1, threads, |_| {
+    let done = in_blocks(py, 1, 1, threads, |_| {
         points = constrained_optima(chain, &path.poses()[0], h, task, &optima)?;
         // Says what is wrong with the other arguments where there is no point to follow.
         follow_starts(chain, path, h, task, Vec::new(), &settings).map(drop)
-    })?;
-    in_blocks(py, points.len(), FOLLOW_BLOCK, threads, |r| {
+    });
+    watching.check(py)?;
+    done?;
+    let done = in_blocks(py, points.len(), FOLLOW_BLOCK, threads, |r| {
         ranked.extend(follow_starts(chain, path, h, task, points[r].to_vec(), &settings)?);
         Ok(())
-    })?;
+    });
+    watching.check(py)?;
+    done?;
     sort_starts(&mut ranked, h.sense());
     let mut plans = Vec::with_capacity(ranked.len());
     for start in ranked {
@@ -805,11 +819,14 @@ pub fn py_algorithmic_singularities(
     threads: Option<usize>,
 ) -> PyResult<Vec<PySingularPoint>> {
     let chain = &chain.get().chain;
+    let watching = Watching::criterion(Some(criterion.get()));
     let criterion = criterion.get().criterion.clone();
     let task = task_or_pose(task)?;
     let settings = singularity_settings(seed, starts);
     let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
-    run_search(py, &mut search, threads)?;
+    let done = run_search(py, &mut search, threads);
+    watching.check(py)?;
+    done?;
     Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
 }
 
@@ -908,17 +925,22 @@ pub fn py_singularity_curves(
     threads: Option<usize>,
 ) -> PyResult<Vec<PySingularityCurve>> {
     let chain = &chain.get().chain;
+    let watching = Watching::criterion(Some(criterion.get()));
     let criterion = criterion.get().criterion.clone();
     let task = task_or_pose(task)?;
     let settings = singularity_settings(seed, starts);
     let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
     search.check_curves(step).map_err(to_py)?;
-    run_search(py, &mut search, threads)?;
+    let done = run_search(py, &mut search, threads);
+    watching.check(py)?;
+    done?;
     let mut tracer = search.tracer(step).map_err(to_py)?;
-    in_blocks(py, tracer.starts(), 1, threads, |r| {
+    let done = in_blocks(py, tracer.starts(), 1, threads, |r| {
         tracer.run(r.len());
         Ok(())
-    })?;
+    });
+    watching.check(py)?;
+    done?;
     let curves = tracer.finish();
     Ok(curves.into_iter().map(|curve| PySingularityCurve { curve, n: chain.dof() }).collect())
 }

@@ -11,6 +11,7 @@ use redundancy_core::path::{BlockedPoint, Plan, PlanBuilder, Reconfiguration};
 use redundancy_core::planning::{Objective, PlanSettings, plan};
 use redundancy_core::{Error, Status, Watch, pose_from_row_major, pose_to_row_major};
 
+use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{Given, read_array, read_rows, read_seed, read_vector, to_array};
 use crate::criterion::PyCriterion;
@@ -606,6 +607,7 @@ pub fn py_plan<'py>(
     let links = links.map(|links| geometry_of(links, chain)).transpose()?;
     let self_collision = SelfCollision::decided(self_collision, links.as_ref())?;
     let default = PlanSettings::default();
+    let watching = Watching::criterion(criterion.as_ref().map(|criterion| criterion.get()));
     let settings = PlanSettings {
         freedom: freedom.map_or(ToolFreedom::NONE, |freedom| freedom.get().freedom),
         task: task.map(read_task).transpose()?,
@@ -639,6 +641,7 @@ pub fn py_plan<'py>(
     let watch = Watch::default().with_time_limit(time_limit).map_err(to_py)?;
     let mut reported = None;
     let report = |py: Python<'_>| {
+        watching.check(py)?;
         let share = Some(watch.share()).filter(|share| reported != Some(*share));
         reported = share.or(reported);
         match progress.as_ref().zip(share) {
@@ -646,7 +649,9 @@ pub fn py_plan<'py>(
             None => Ok(()),
         }
     };
-    let plan = watched_aside(py, &watch, &pool, report, || plan(chain, path, &settings, &watch))?;
+    let done = watched_aside(py, &watch, &pool, report, || plan(chain, path, &settings, &watch));
+    watching.check(py)?;
+    let plan = done?;
     let base = PyClassInitializer::from(PyTrajectory::from(plan.trajectory().clone()));
     Bound::new(py, base.add_subclass(PyPlan { plan, arm: Some(chain.clone()) }))
 }

@@ -11,6 +11,7 @@ use redundancy_core::solutions::{Chart, Choice, ClosedForm, SelfMotion, SrsArm, 
 use redundancy_core::{Error, Pose};
 
 use crate::batch::in_blocks;
+use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{
     Argument, Fresh, Given, Threads, pose_to_array, read_array, read_pose, read_poses, read_rows,
@@ -260,13 +261,16 @@ impl PySrsArm {
         threads: Option<Threads>,
     ) -> PyResult<PyChoiceBatch> {
         let poses = Batch::read(poses)?;
+        let watching = Watching::criterion(Some(criterion.get()));
         let criterion = &*criterion.get().criterion;
         let mut rows = Vec::with_capacity(poses.len());
         let data = poses.as_slice()?;
-        in_blocks(py, poses.len(), SEARCH_BLOCK, threads, |r| {
+        let done = in_blocks(py, poses.len(), SEARCH_BLOCK, threads, |r| {
             rows.extend(self.arm.best_batch(&data[r.start * 16..r.end * 16], criterion)?);
             Ok(())
-        })?;
+        });
+        watching.check(py)?;
+        done?;
         PyChoiceBatch::new(py, &rows)
     }
 
@@ -763,8 +767,12 @@ impl PySelfMotion {
     ///
     /// Args:
     ///     criterion: A criterion of the same arm.
-    fn best(&self, criterion: Given<'_, PyCriterion>) -> PyResult<PyChoice> {
-        let choice = self.motion.best(&*criterion.get().criterion).map_err(to_py)?;
+    fn best(&self, py: Python<'_>, criterion: Given<'_, PyCriterion>) -> PyResult<PyChoice> {
+        let watching = Watching::criterion(Some(criterion.get()));
+        let criterion = &*criterion.get().criterion;
+        let choice = py.detach(|| self.motion.best(criterion));
+        watching.check(py)?;
+        let choice = choice.map_err(to_py)?;
         Ok(PyChoice { choice, motion: self.motion.clone() })
     }
 

@@ -9,6 +9,7 @@ use redundancy_core::kinematics::{Task, TaskKind};
 use redundancy_core::solutions::{Solution, Solutions, SolutionsSettings, TraceSettings, solutions};
 use redundancy_core::{Error, Pose};
 
+use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::closed_form::read_arm;
 use crate::convert::{Given, Integer, pose_to_array, read_rows, read_vector, to_array};
@@ -89,8 +90,11 @@ impl PySolutions {
     /// Args:
     ///     criterion: A criterion of the same arm.
     fn best(&self, py: Python<'_>, criterion: Given<'_, PyCriterion>) -> PyResult<PySolution> {
+        let watching = Watching::criterion(Some(criterion.get()));
         let criterion = Arc::clone(&criterion.get().criterion);
-        let solution = py.detach(|| self.inner.set.best(&*criterion)).map_err(to_py)?;
+        let solution = py.detach(|| self.inner.set.best(&*criterion));
+        watching.check(py)?;
+        let solution = solution.map_err(to_py)?;
         Ok(PySolution { solution, inner: self.inner.clone() })
     }
 

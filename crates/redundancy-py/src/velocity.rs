@@ -1,21 +1,23 @@
 //! Velocity schemes and the closed loop around them.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::ThreadId;
 
-use numpy::{PyArray1, PyArray2};
+use numpy::PyArray2;
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use redundancy_core::Error;
-use redundancy_core::Status;
 use redundancy_core::chain::Chain;
 use redundancy_core::kinematics::{MiddleFrame, Scratch, Task};
 use redundancy_core::planning::{Track, TrackSettings, track_beside};
 use redundancy_core::scene::{LinkGeometry, Proximity, Surroundings};
 use redundancy_core::velocity::{
-    ActiveLimit, ContactSettings, Damping, ExtendedJacobian, Gain, LimitingPair, ProjectedGradient,
-    ReducedGradient, Resolver, SaturatedNullspace, Step, StepInput, sigma_min,
+    AccelerationInput, ContactSettings, Damping, ExtendedJacobian, Gain, LimitingPair, Metric,
+    ProjectedGradient, ReducedGradient, Resolver, SaturatedNullspace, StepInput, WhenBlocked,
 };
 
+use crate::callback::{Failures, Watching};
 use crate::chain::PyChain;
 use crate::convert::{Argument, Given, read_vector, to_array};
 use crate::criterion::PyCriterion;
@@ -24,7 +26,7 @@ use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
 use crate::path::PyPath;
 use crate::plan::{PyPlan, plan_initializer, plan_of};
 use crate::scene::{LINK_RADIUS, PyScene};
-use crate::status::status_to_py;
+use crate::step::{PairText, PyAccelerationStep, PyStep};
 use crate::task::{PyTask, read_task};
 use crate::watch::watched;
 
@@ -109,6 +111,32 @@ fn read_gain(gain: &Bound<'_, PyAny>) -> PyResult<Gain> {
     Err(to_py(Error::Invalid(format!("gain is {}, expected a number or \"optimal\"", gain.repr()?))))
 }
 
+/// Whether a scheme is one of the acceleration level.
+fn at_acceleration_level(level: &str) -> PyResult<bool> {
+    let known = ["velocity", "acceleration"];
+    if !known.contains(&level) {
+        let valid = known.map(String::from).to_vec();
+        return Err(to_py(Error::UnknownName { kind: "level", name: level.into(), valid }));
+    }
+    Ok(level == known[1])
+}
+
+/// How joint velocities are measured.
+fn read_metric(inverse: &str, weights: Option<Vec<f64>>) -> PyResult<Metric> {
+    match (inverse, weights) {
+        ("pseudo", None) => Ok(Metric::Identity),
+        ("pseudo", Some(weights)) => Ok(Metric::Weights(weights)),
+        ("inertia", None) => Ok(Metric::Inertia),
+        ("inertia", Some(_)) => {
+            Err(to_py(Error::Invalid("weights: only for inverse=\"pseudo\", not for \"inertia\"".into())))
+        }
+        (name, _) => {
+            let valid = ["pseudo", "inertia"].map(String::from).to_vec();
+            Err(to_py(Error::UnknownName { kind: "inverse", name: name.into(), valid }))
+        }
+    }
+}
+
 fn read_criterion(
     criterion: Option<&Bound<'_, PyCriterion>>,
 ) -> Option<std::sync::Arc<dyn redundancy_core::criterion::Criterion>> {
@@ -126,6 +154,10 @@ pub struct PyResolver {
     /// Class and arguments that make it again.
     recipe: Py<PyTuple>,
     text: String,
+    /// Exceptions of the functions of the user's that its criterion evaluates.
+    failures: Vec<Arc<Failures>>,
+    /// The thread that is in a step whose criterion may call Python.
+    busy: Mutex<Option<ThreadId>>,
 }
 
 impl PyResolver {
@@ -138,19 +170,44 @@ impl PyResolver {
     ) -> PyResult<Self> {
         let py = class.py();
         // Schemes without a criterion have none, or `None`, in that place.
-        let criterion = match arguments.get_item(1) {
-            Ok(given) if given.is_instance_of::<PyCriterion>() => format!(", {}", given.repr()?),
-            _ => String::new(),
+        let given = arguments.get_item(1).ok().and_then(|given| given.cast_into::<PyCriterion>().ok());
+        let (criterion, failures) = match &given {
+            Some(given) => (format!(", {}", given.repr()?), given.get().failures.clone()),
+            None => (String::new(), Vec::new()),
         };
         let (name, task) = (chain.get().chain.name(), resolver.task().kind());
         let text = format!("{}({name}{criterion}, task='{task}')", class.name()?);
         let recipe = PyTuple::new(py, [class.into_any(), arguments.into_any()])?.unbind();
-        Ok(Self { resolver: Mutex::new(Box::new(resolver)), chain: chain.clone().unbind(), recipe, text })
+        Ok(Self {
+            resolver: Mutex::new(Box::new(resolver)),
+            chain: chain.clone().unbind(),
+            recipe,
+            text,
+            failures,
+            busy: Mutex::new(None),
+        })
     }
 
-    /// The scheme. It is never held while Python code runs, so this does not wait for the GIL.
-    fn lock(&self) -> MutexGuard<'_, Box<dyn Resolver>> {
-        self.resolver.lock().unwrap_or_else(PoisonError::into_inner)
+    /// The scheme. While its criterion runs Python code, other threads wait for it without the GIL.
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Box<dyn Resolver>> {
+        self.resolver.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Runs a step, which may not be called again from its own criterion.
+    fn alone<T>(&self, step: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
+        if self.failures.is_empty() {
+            return step();
+        }
+        let here = Some(std::thread::current().id());
+        let set = |to| std::mem::replace(&mut *self.busy.lock().unwrap_or_else(PoisonError::into_inner), to);
+        if *self.busy.lock().unwrap_or_else(PoisonError::into_inner) == here {
+            let message = "the CustomCriterion of a resolver called this resolver's step".to_owned();
+            return Err(to_py(Error::Invalid(message)));
+        }
+        let before = set(here);
+        let done = step();
+        set(before);
+        done
     }
 }
 
@@ -169,11 +226,14 @@ impl PyResolver {
     ///         spin about the tool axis does not count.
     ///     dt: Length of the step, s; needed for limits and for the optimal gain.
     ///     qd: Joint velocity before the step `(n,)`; without it acceleration is not limited.
+    ///     wish: Joint velocity `(n,)`, rad/s or m/s, that the freedom is used for in place of the criterion's
+    ///         gradient; neither criterion nor gain counts then.
     ///     t: Time, s, for obstacles that move.
     ///
     /// Raises:
-    ///     RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing.
-    #[pyo3(signature = (q, task_velocity, dt=None, qd=None, *, t=0.0))]
+    ///     RedundancyError: Wrong sizes, numbers that are not finite, `dt` that is not positive or is missing. An
+    ///         exception of a `CustomCriterion` is raised as it is.
+    #[pyo3(signature = (q, task_velocity, dt=None, qd=None, wish=None, *, t=0.0))]
     fn step(
         &self,
         py: Python<'_>,
@@ -181,6 +241,7 @@ impl PyResolver {
         task_velocity: &Bound<'_, PyAny>,
         dt: Option<f64>,
         qd: Option<&Bound<'_, PyAny>>,
+        wish: Option<&Bound<'_, PyAny>>,
         t: f64,
     ) -> PyResult<PyStep> {
         if !t.is_finite() {
@@ -189,11 +250,18 @@ impl PyResolver {
         let q = read_vector(q, "q", None)?;
         let velocity = read_vector(task_velocity, "task_velocity", None)?;
         let before = qd.map(|qd| read_vector(qd, "qd", None)).transpose()?;
+        let wish = wish.map(|wish| read_vector(wish, "wish", None)).transpose()?;
         let mut out = vec![0.0; q.len()];
-        let input = StepInput { q: &q, velocity: &velocity, dt, qd: before.as_deref() };
-        let mut resolver = self.lock();
-        resolver.set_time(t);
-        let report = resolver.step(&input, &mut out).map_err(to_py)?;
+        let input =
+            StepInput { q: &q, velocity: &velocity, dt, qd: before.as_deref(), wish: wish.as_deref() };
+        let watching = Watching::new(&self.failures);
+        let (report, resolver) = self.alone(|| {
+            let mut resolver = self.lock(py);
+            resolver.set_time(t);
+            let report = resolver.step(&input, &mut out);
+            watching.check(py)?;
+            Ok((report.map_err(to_py)?, resolver))
+        })?;
         let (active, task) = (resolver.active_limits().to_vec(), *resolver.task());
         let named = |pair: &LimitingPair| -> PairText {
             let name = |thing| resolver.surroundings().map(|around| around.name(thing)).unwrap_or_default();
@@ -204,6 +272,49 @@ impl PyResolver {
         Ok(PyStep { qd: out, q, report, active, pairs, chain: self.chain.clone_ref(py), task })
     }
 
+    /// One step of a scheme with `level="acceleration"`: `J qdd + Jdot qd = task_acceleration`.
+    ///
+    /// Args:
+    ///     q: Joint positions `(n,)`, rad or m.
+    ///     qd: Joint velocity `(n,)`.
+    ///     task_acceleration: As many numbers as a task velocity, m/s^2 and rad/s^2 (base axes): of the tool's origin
+    ///         and of its angular velocity; for `pose_rpy` the second derivatives of the angles.
+    ///     dt: Length of the step, s; only a `schedule` needs it.
+    ///     wish: Joint velocity `(n,)` that the null-space motion approaches in place of the criterion's gradient.
+    ///
+    /// Raises:
+    ///     RedundancyError: A scheme of the velocity level, wrong sizes, numbers that are not finite.
+    #[pyo3(signature = (q, qd, task_acceleration, dt=None, wish=None))]
+    fn step_acceleration(
+        &self,
+        py: Python<'_>,
+        q: &Bound<'_, PyAny>,
+        qd: &Bound<'_, PyAny>,
+        task_acceleration: &Bound<'_, PyAny>,
+        dt: Option<f64>,
+        wish: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyAccelerationStep> {
+        let (q, qd) = (read_vector(q, "q", None)?, read_vector(qd, "qd", None)?);
+        let acceleration = read_vector(task_acceleration, "task_acceleration", None)?;
+        let wish = wish.map(|wish| read_vector(wish, "wish", None)).transpose()?;
+        let mut qdd = vec![0.0; q.len()];
+        let input =
+            AccelerationInput { q: &q, qd: &qd, acceleration: &acceleration, dt, wish: wish.as_deref() };
+        let watching = Watching::new(&self.failures);
+        let report = self.alone(|| {
+            let report = self.lock(py).step_acceleration(&input, &mut qdd);
+            watching.check(py)?;
+            report.map_err(to_py)
+        })?;
+        Ok(PyAccelerationStep { qdd, report })
+    }
+
+    /// `"velocity"` or `"acceleration"`.
+    #[getter]
+    fn level(&self, py: Python<'_>) -> &'static str {
+        if self.lock(py).velocity_gain().is_some() { "acceleration" } else { "velocity" }
+    }
+
     /// The chain that it was made for.
     #[getter]
     fn chain(&self, py: Python<'_>) -> Py<PyChain> {
@@ -212,14 +323,14 @@ impl PyResolver {
 
     /// Which coordinates count.
     #[getter]
-    fn task(&self) -> PyTask {
-        PyTask { task: *self.lock().task() }
+    fn task(&self, py: Python<'_>) -> PyTask {
+        PyTask { task: *self.lock(py).task() }
     }
 
     /// Dependent joints of the last step, from 0; empty for schemes that have none.
     #[getter]
-    fn basis(&self) -> Vec<usize> {
-        self.lock().basis().to_vec()
+    fn basis(&self, py: Python<'_>) -> Vec<usize> {
+        self.lock(py).basis().to_vec()
     }
 
     /// The Jacobian in whose coordinates the scheme solves.
@@ -235,7 +346,7 @@ impl PyResolver {
     ///     RedundancyError: A wrong size, or numbers that are not finite.
     fn jacobian<'py>(&self, py: Python<'py>, q: &Bound<'_, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let q = read_vector(q, "q", None)?;
-        let resolver = self.lock();
+        let resolver = self.lock(py);
         let (chain, task) = (resolver.chain(), *resolver.task());
         let (m, n) = (task.dim(), chain.dof());
         let columns = match resolver.frame() {
@@ -257,8 +368,8 @@ impl PyResolver {
 
     /// The link in whose frame the scheme works; None for the coordinates of the task.
     #[getter]
-    fn frame(&self) -> Option<String> {
-        let resolver = self.lock();
+    fn frame(&self, py: Python<'_>) -> Option<String> {
+        let resolver = self.lock(py);
         resolver.frame().map(|link| resolver.chain().links()[link].name.clone())
     }
 
@@ -287,6 +398,13 @@ impl PyResolver {
 ///     frame: Name of a link. The six coordinates of `pose` or `pose_rpy` are then transformed internally to its axes
 ///         and origin (eq. 7), so that damping acts on the singular values of that Jacobian. Velocities and task
 ///         errors are given as before.
+///     level: `"velocity"`, or `"acceleration"`: then `step_acceleration` gives
+///         `qdd = J^+ (a - Jdot qd) + (I - J^+ J) velocity_gain (eta - qd)`, and joint velocities have no jumps.
+///     velocity_gain: Rate, 1/s, at which the acceleration level approaches the joint velocity of the velocity level.
+///     inverse: `"pseudo"`: the least joint velocity (or acceleration). `"inertia"`: the least kinetic energy, with the
+///         mass matrix M in `M^-1 J^T (J M^-1 J^T)^-1`; at acceleration level this is Khatib's dynamically consistent
+///         inverse, whose null-space motion exerts no force on the tool. The projector changes with it.
+///     weights: `(n,)`, positive: the least `sum w_i qd_i^2`, for `inverse="pseudo"`.
 ///
 /// Raises:
 ///     RedundancyError: A task with more coordinates than joints, a criterion of another arm, a gain that is negative
@@ -305,8 +423,10 @@ pub struct PyProjectedGradient;
 #[pymethods]
 impl PyProjectedGradient {
     #[new]
-    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), *, frame=None),
-    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", *, frame=None)")]
+    #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), *, frame=None,
+        level="velocity", velocity_gain=10.0, inverse="pseudo", weights=None),
+    text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", *, frame=None, level=\"velocity\", \
+        velocity_gain=10.0, inverse=\"pseudo\", weights=None)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<Given<'_, PyCriterion>>,
@@ -314,8 +434,13 @@ impl PyProjectedGradient {
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<WordOr>,
         frame: Option<&str>,
+        level: &str,
+        velocity_gain: f64,
+        inverse: &str,
+        weights: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
+        let weights = weights.map(|weights| read_vector(weights, "weights", None)).transpose()?;
         let damping = bound(py, damping);
         let task = task.map_or(Ok(Task::POSE), read_task)?;
         let mut resolver = ProjectedGradient::new(
@@ -330,8 +455,14 @@ impl PyProjectedGradient {
             let link = chain.get().chain.link_index(frame).map_err(to_py)?;
             resolver = resolver.in_frame(link).map_err(to_py)?;
         }
+        resolver = resolver.with_metric(read_metric(inverse, weights.clone())?).map_err(to_py)?;
+        if at_acceleration_level(level)? {
+            resolver = resolver.at_acceleration_level(velocity_gain).map_err(to_py)?;
+        }
         let make = py.get_type::<Self>().getattr("_make")?;
-        let arguments = (chain, criterion, gain, PyTask { task }, damping, frame).into_pyobject(py)?;
+        let arguments =
+            (chain, criterion, gain, PyTask { task }, damping, frame, level, velocity_gain, inverse, weights)
+                .into_pyobject(py)?;
         let mut base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
         base.recipe = PyTuple::new(py, [make, arguments.into_any()])?.unbind();
         Ok(PyClassInitializer::from(base).add_subclass(Self))
@@ -346,8 +477,24 @@ impl PyProjectedGradient {
         task: &Bound<'py, PyAny>,
         damping: Option<WordOr>,
         frame: Option<&str>,
+        level: &str,
+        velocity_gain: f64,
+        inverse: &str,
+        weights: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, Self>> {
-        Bound::new(chain.py(), Self::new(chain, criterion, gain, Some(task), damping, frame)?)
+        let made = Self::new(
+            chain,
+            criterion,
+            gain,
+            Some(task),
+            damping,
+            frame,
+            level,
+            velocity_gain,
+            inverse,
+            weights,
+        )?;
+        Bound::new(chain.py(), made)
     }
 }
 
@@ -370,6 +517,10 @@ impl PyProjectedGradient {
 ///         inverse also in `J_R`, so that under damping it does.
 ///     schedule: `[(time, basis), ...]`: other bases from these times on, s, counted from the first step, each blended
 ///         over three steps and reported. Needs `basis` for the start, and `dt` in every step.
+///     level: `"velocity"`, or `"acceleration"`: then `step_acceleration` gives joint accelerations; the independent
+///         joints accelerate by `velocity_gain` times what they lack of the reduced gradient. A change of basis changes
+///         the acceleration, and joint velocities have no jumps.
+///     velocity_gain: That rate, 1/s.
 ///
 /// Raises:
 ///     RedundancyError: As for `ProjectedGradient`; a basis of another size, with a repeated joint or one that does
@@ -381,9 +532,9 @@ pub struct PyReducedGradient;
 impl PyReducedGradient {
     #[new]
     #[pyo3(signature = (chain, criterion, gain, task=None, damping=Some("auto".into()), basis=None, *,
-                        frame=None, form="robust", schedule=None),
+                        frame=None, form="robust", schedule=None, level="velocity", velocity_gain=10.0),
     text_signature = "(chain, criterion, gain, task=None, damping=\"auto\", basis=None, *, frame=None, form=\"robust\", \
-        schedule=None)")]
+        schedule=None, level=\"velocity\", velocity_gain=10.0)")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<Given<'_, PyCriterion>>,
@@ -394,6 +545,8 @@ impl PyReducedGradient {
         frame: Option<&str>,
         form: &str,
         schedule: Option<Vec<(f64, Vec<i64>)>>,
+        level: &str,
+        velocity_gain: f64,
     ) -> PyResult<PyClassInitializer<Self>> {
         let py = chain.py();
         let damping = bound(py, damping);
@@ -426,10 +579,14 @@ impl PyReducedGradient {
             let changes: Vec<_> = changes.iter().map(|(time, basis)| (*time, &basis[..])).collect();
             resolver = resolver.with_schedule(&changes).map_err(to_py)?;
         }
+        if at_acceleration_level(level)? {
+            resolver = resolver.at_acceleration_level(velocity_gain).map_err(to_py)?;
+        }
         let make = py.get_type::<Self>().getattr("_make")?;
         let task = PyTask { task };
         let arguments =
-            (chain, criterion, gain, task, damping, basis, frame, form, schedule).into_pyobject(py)?;
+            (chain, criterion, gain, task, damping, basis, frame, form, schedule, level, velocity_gain)
+                .into_pyobject(py)?;
         let mut base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
         base.recipe = PyTuple::new(py, [make, arguments.into_any()])?.unbind();
         Ok(PyClassInitializer::from(base).add_subclass(Self))
@@ -447,8 +604,23 @@ impl PyReducedGradient {
         frame: Option<&str>,
         form: &str,
         schedule: Option<Vec<(f64, Vec<i64>)>>,
+        level: &str,
+        velocity_gain: f64,
     ) -> PyResult<Bound<'py, Self>> {
-        let made = Self::new(chain, criterion, gain, Some(task), damping, basis, frame, form, schedule)?;
+        let task = Some(task);
+        let made = Self::new(
+            chain,
+            criterion,
+            gain,
+            task,
+            damping,
+            basis,
+            frame,
+            form,
+            schedule,
+            level,
+            velocity_gain,
+        )?;
         Bound::new(chain.py(), made)
     }
 }
@@ -527,6 +699,10 @@ impl PyExtendedJacobian {
 ///     gain: Joint velocity per unit of the gradient, >= 0.
 ///     task: Which coordinates count; `pose` by default.
 ///     damping: As for `ProjectedGradient`; off by default, because near singularities the task is scaled.
+///     when_blocked: What becomes of a task that no scale above zero realises within the limits. `"stop"`: the tool
+///         stops (unless a joint has to brake). `"closest"`: it moves with the least task error `|J qd - v|` that the
+///         limits allow, among those joint velocities with the one nearest to the null-space wish; `scale` is 0 and
+///         `residual` that error.
 ///     scene: Obstacles to keep a distance from.
 ///     links: Shapes of the links; capsules of 0.05 m from joint to joint when left out.
 ///     safe_distance: Distance that is kept, m.
@@ -538,16 +714,17 @@ pub struct PySaturatedNullspace;
 #[pymethods]
 impl PySaturatedNullspace {
     #[new]
-    #[pyo3(signature = (chain, criterion=None, gain=1.0, task=None, damping=None, *, scene=None, links=None,
-        safe_distance=0.02, barrier_rate=5.0, self_collision=None),
-        text_signature = "(chain, criterion=None, gain=1.0, task=None, damping=None, *, scene=None, links=None, \
-            safe_distance=0.02, barrier_rate=5.0, self_collision='auto')")]
+    #[pyo3(signature = (chain, criterion=None, gain=1.0, task=None, damping=None, *, when_blocked="stop", scene=None,
+        links=None, safe_distance=0.02, barrier_rate=5.0, self_collision=None),
+        text_signature = "(chain, criterion=None, gain=1.0, task=None, damping=None, *, when_blocked='stop', \
+            scene=None, links=None, safe_distance=0.02, barrier_rate=5.0, self_collision='auto')")]
     fn new(
         chain: &Bound<'_, PyChain>,
         criterion: Option<Given<'_, PyCriterion>>,
         gain: f64,
         task: Option<&Bound<'_, PyAny>>,
         damping: Option<&Bound<'_, PyAny>>,
+        when_blocked: &str,
         scene: Option<Given<'_, PyScene>>,
         links: Option<&Bound<'_, PyLinkGeometry>>,
         safe_distance: f64,
@@ -564,7 +741,8 @@ impl PySaturatedNullspace {
             task,
             read_damping(damping)?,
         )
-        .map_err(to_py)?;
+        .map_err(to_py)?
+        .when_blocked(WhenBlocked::from_name(when_blocked).map_err(to_py)?);
         let around = surroundings_of(arm, scene.as_deref(), links, self_collision)?;
         let decided = around.as_ref().map(|(_, own)| *own);
         if let Some((around, _)) = around {
@@ -573,15 +751,15 @@ impl PySaturatedNullspace {
         }
         let arguments = (chain, criterion, gain, PyTask { task }, damping).into_pyobject(py)?;
         let base = PyResolver::of(py.get_type::<Self>(), arguments.clone(), chain, resolver)?;
-        let Some(own) = decided else {
-            return Ok(PyClassInitializer::from(base).add_subclass(Self));
-        };
         let options = PyDict::new(py);
-        options.set_item("scene", scene)?;
-        options.set_item("links", links)?;
-        options.set_item("safe_distance", safe_distance)?;
-        options.set_item("barrier_rate", barrier_rate)?;
-        options.set_item("self_collision", own)?;
+        options.set_item("when_blocked", when_blocked)?;
+        if let Some(own) = decided {
+            options.set_item("scene", scene)?;
+            options.set_item("links", links)?;
+            options.set_item("safe_distance", safe_distance)?;
+            options.set_item("barrier_rate", barrier_rate)?;
+            options.set_item("self_collision", own)?;
+        }
         let make =
             py.import("functools")?.getattr("partial")?.call((py.get_type::<Self>(),), Some(&options))?;
         let base = PyResolver { recipe: PyTuple::new(py, [make, arguments.into_any()])?.unbind(), ..base };
@@ -612,9 +790,6 @@ fn surroundings_of(
     Ok(Some((Surroundings::new(chain, &geometry, scene, own).map_err(to_py)?, own)))
 }
 
-/// Names of the two of a pair and their distance, m.
-type PairText = (String, String, f64);
-
 /// A default that is a word, or what the caller gave.
 #[derive(FromPyObject)]
 enum WordOr {
@@ -644,164 +819,6 @@ fn read_basis(basis: &[i64]) -> PyResult<Vec<usize>> {
     };
     basis.iter().map(joint).collect()
 }
-
-/// Result of one step of a velocity scheme.
-#[pyclass(name = "Step", module = "redundancy", frozen)]
-pub struct PyStep {
-    q: Vec<f64>,
-    qd: Vec<f64>,
-    report: Step,
-    active: Vec<ActiveLimit>,
-    pairs: Vec<PairText>,
-    chain: Py<PyChain>,
-    task: Task,
-}
-
-#[pymethods]
-impl PyStep {
-    /// Joint velocity `(n,)`, rad/s or m/s.
-    #[getter]
-    fn qd<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.qd)
-    }
-
-    /// `converged`; `singular` or `limits` if damping (or a lost rank), or limits, kept the task from being met.
-    #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        status_to_py(py, self.report.status)
-    }
-
-    /// Share of the task velocity that is realised, 1 or less.
-    #[getter]
-    fn scale(&self) -> f64 {
-        self.report.scale
-    }
-
-    /// Largest damping factor that acted, in the unit of the singular values; 0 for none.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.report.damping
-    }
-
-    /// `|J qd - scale v|` in m/s and rad/s, 0 up to rounding unless the status says otherwise.
-    #[getter]
-    fn residual(&self) -> f64 {
-        self.report.residual
-    }
-
-    /// Whether a change of the reduced gradient's basis began.
-    #[getter]
-    fn basis_changed(&self) -> bool {
-        self.report.basis_changed
-    }
-
-    /// Whether the condition of the extended Jacobian, not the task Jacobian, lost rank.
-    #[getter]
-    fn algorithmic(&self) -> bool {
-        self.report.algorithmic
-    }
-
-    /// Active limits: name of the joint, which limit, which side.
-    #[getter]
-    fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
-        let joints = self.chain.get().chain.joints();
-        self.active
-            .iter()
-            .map(|limit| {
-                let side = if limit.upper { "upper" } else { "lower" };
-                (joints[limit.joint].name.clone(), limit.kind.as_str(), side)
-            })
-            .collect()
-    }
-
-    /// Pairs that limited the step: names of a link and of an obstacle or link, and their distance, m.
-    #[getter]
-    fn limiting_pairs(&self) -> Vec<PairText> {
-        self.pairs.clone()
-    }
-
-    /// Least singular value of the task Jacobian (unit: m or 1 by its rows), exact; computed when asked for.
-    #[getter]
-    fn sigma_min(&self) -> PyResult<f64> {
-        sigma_min(&self.chain.get().chain, &self.task, &self.q).map_err(to_py)
-    }
-
-    fn __repr__(&self) -> String {
-        let report = &self.report;
-        format!("Step(qd={:?}, status={}, scale={})", self.qd, report.status, report.scale)
-    }
-
-    fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, StepParts)> {
-        let report = &self.report;
-        let limit = |l: &ActiveLimit| (l.joint, l.kind.as_str().to_owned(), l.upper);
-        let numbers = (report.scale, report.damping, report.residual);
-        let flags = (report.basis_changed, report.algorithmic);
-        let make = py.get_type::<Self>().getattr("_make")?.unbind();
-        let active = self.active.iter().map(limit).collect();
-        let task = Py::new(py, PyTask { task: self.task })?.into_any();
-        let status = report.status.as_str().to_owned();
-        Ok((
-            make,
-            (
-                self.chain.clone_ref(py),
-                task,
-                self.q.clone(),
-                self.qd.clone(),
-                status,
-                numbers,
-                flags,
-                (active, self.pairs.clone()),
-            ),
-        ))
-    }
-
-    /// Inverse of pickling.
-    #[staticmethod]
-    fn _make(
-        chain: Py<PyChain>,
-        task: &Bound<'_, PyAny>,
-        q: Vec<f64>,
-        qd: Vec<f64>,
-        status: &str,
-        numbers: (f64, f64, f64),
-        flags: (bool, bool),
-        limits: (Vec<(usize, String, bool)>, Vec<PairText>),
-    ) -> PyResult<Self> {
-        let (active, pairs) = limits;
-        use redundancy_core::velocity::LimitKind;
-        let unknown =
-            || to_py(Error::Invalid(format!("a step with the status '{status}' cannot be restored")));
-        let status = Status::ALL.into_iter().find(|s| s.as_str() == status).ok_or_else(unknown)?;
-        let dof = chain.get().chain.dof();
-        let limit = |(joint, word, upper): (usize, String, bool)| {
-            let kind = [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration]
-                .into_iter()
-                .find(|kind| kind.as_str() == word && joint < dof);
-            kind.map(|kind| ActiveLimit { joint, kind, upper }).ok_or_else(unknown)
-        };
-        let report = Step {
-            status,
-            scale: numbers.0,
-            damping: numbers.1,
-            residual: numbers.2,
-            basis_changed: flags.0,
-            algorithmic: flags.1,
-        };
-        let active = active.into_iter().map(limit).collect::<PyResult<_>>()?;
-        Ok(Self { q, qd, report, active, pairs, chain, task: read_task(task)? })
-    }
-}
-
-type StepParts = (
-    Py<PyChain>,
-    Py<PyAny>,
-    Vec<f64>,
-    Vec<f64>,
-    String,
-    (f64, f64, f64),
-    (bool, bool),
-    (Vec<(usize, String, bool)>, Vec<PairText>),
-);
 
 /// The result of following a path in closed loop, one row every `dt`.
 ///
@@ -904,7 +921,8 @@ pub fn py_track<'py>(
     progress: Option<Py<PyAny>>,
     time_limit: Option<f64>,
 ) -> PyResult<Bound<'py, PyTrack>> {
-    let resolver = resolver.get().lock().boxed();
+    let watching = Watching::new(&resolver.get().failures);
+    let resolver = resolver.get().lock(py).boxed();
     if chain.get().chain != *resolver.chain() {
         let (a, b) = (chain.get().chain.name(), resolver.chain().name());
         let message = format!("the resolver was made for another chain ('{b}') than the one given ('{a}')");
@@ -920,7 +938,9 @@ pub fn py_track<'py>(
     let around = given.as_ref().map(|(around, _)| around).or(resolver.surroundings());
     let done = watched(py, progress, time_limit, |watch| {
         track_beside(&*resolver, path, &q0, &settings, around, watch)
-    })?;
+    });
+    watching.check(py)?;
+    let done = done?;
     let Track { plan, position_error, orientation_error } = done;
     let track = PyTrack { position_error, orientation_error };
     Bound::new(py, plan_initializer(plan).add_subclass(track))

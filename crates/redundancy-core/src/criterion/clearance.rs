@@ -18,6 +18,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
+use super::differences::hessian_by_differences;
 use super::{Criterion, Sense};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
@@ -206,25 +207,13 @@ impl Criterion for Clearance {
     }
 
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {
-        let n = q.len();
-        let (mut at, mut plus, mut minus) = (q.to_vec(), vec![0.0; n], vec![0.0; n]);
         let chain = self.around.chain();
         let mut scratch = Scratch::new(chain);
-        for k in 0..n {
-            at[k] = q[k] + CLEARANCE_DIFFERENCE;
-            self.gradient_at(&at, &chain.kinematics_unchecked(&at, &mut scratch), &mut plus);
-            at[k] = q[k] - CLEARANCE_DIFFERENCE;
-            self.gradient_at(&at, &chain.kinematics_unchecked(&at, &mut scratch), &mut minus);
-            at[k] = q[k];
-            for i in 0..n {
-                out[(i, k)] = (plus[i] - minus[i]) / (2.0 * CLEARANCE_DIFFERENCE);
-            }
-        }
-        for k in 0..n {
-            for i in 0..k {
-                let mean = 0.5 * (out[(i, k)] + out[(k, i)]);
-                (out[(i, k)], out[(k, i)]) = (mean, mean);
-            }
-        }
+        hessian_by_differences(
+            |at, out| self.gradient_at(at, &chain.kinematics_unchecked(at, &mut scratch), out),
+            q,
+            CLEARANCE_DIFFERENCE,
+            out,
+        );
     }
 }

@@ -1,16 +1,23 @@
 //! Criteria, the objectives for the freedom: h(q), its gradient and its Hessian.
 
 mod clearance;
+mod differences;
 mod elbow;
+mod gravity_torque;
 mod joint_range;
+mod kinetic_energy;
 mod manipulability;
 mod posture;
 mod stationarity;
 mod weighted;
 
 pub use clearance::{CLEARANCE_SMOOTHING, Clearance};
+pub(crate) use differences::hessian_of_gradient;
+pub use differences::{gradient_by_differences, hessian_by_differences};
 pub use elbow::Elbow;
+pub use gravity_torque::{GravityTorque, TorqueMeasure};
 pub use joint_range::JointRange;
+pub use kinetic_energy::KineticEnergy;
 pub use manipulability::{Manipulability, Measure};
 pub use posture::Posture;
 pub use stationarity::Stationarity;
@@ -24,6 +31,9 @@ use nalgebra::DMatrix;
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::{Kinematics, Task};
+
+/// Joints up to which what a criterion computes for each of them lies on the stack: more than any arm has.
+pub(crate) const STACK_JOINTS: usize = 16;
 
 /// Whether a criterion is to be small or large.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,8 +85,13 @@ pub struct JointSpring {
 /// `value`, `gradient` and `hessian` take a `q` of the right length; a wrong length is the caller's mistake and is
 /// checked by [`Criterion::check`], which every entry point of the crate calls first.
 pub trait Criterion: Send + Sync + std::fmt::Debug {
-    /// Number of joints.
+    /// Number of joints; see [`any_dof`](Self::any_dof).
     fn dof(&self) -> usize;
+
+    /// True for a function of any number of joints: then [`dof`](Self::dof) has no meaning.
+    fn any_dof(&self) -> bool {
+        false
+    }
 
     /// Whether it is to be small or large.
     fn sense(&self) -> Sense {
@@ -104,6 +119,9 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// Another number of joints, another arm.
     fn check_arm(&self, chain: &Chain) -> Result<()> {
+        if self.any_dof() {
+            return Ok(());
+        }
         check_joints(self.dof(), self.arm(), chain)
     }
 
@@ -148,13 +166,14 @@ pub trait Criterion: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// Wrong length, or an entry that is not finite.
     fn check(&self, q: &[f64]) -> Result<()> {
-        crate::error::check_vector("q", q, self.dof())
+        let dof = if self.any_dof() { q.len() } else { self.dof() };
+        crate::error::check_vector("q", q, dof)
     }
 }
 
 /// Checks that a criterion is made for as many joints as the arm has.
 pub(crate) fn check_dof(criterion: &dyn Criterion, dof: usize) -> Result<()> {
-    if criterion.dof() == dof {
+    if criterion.any_dof() || criterion.dof() == dof {
         return Ok(());
     }
     Err(Error::Length { what: "joints of the criterion".into(), expected: dof, actual: criterion.dof() })

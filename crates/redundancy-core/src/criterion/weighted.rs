@@ -4,14 +4,11 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::{Criterion, JointSpring, Sense};
+use super::{Criterion, JointSpring, STACK_JOINTS, Sense};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::{Kinematics, Task};
 use crate::tolerance::CRITERION_FACTOR;
-
-/// Joints up to which the gradient of a term lies on the stack: more than any arm has.
-const STACK_JOINTS: usize = 16;
 
 /// `sum_k factor_k h_k`; all terms have the sense of the whole.
 #[derive(Debug, Clone)]
@@ -41,7 +38,9 @@ impl Weighted {
     /// # Errors
     /// Criteria for different numbers of joints, or one to minimise and one to maximise (negate one of them).
     pub fn sum(a: Arc<dyn Criterion>, b: Arc<dyn Criterion>) -> Result<Self> {
-        super::check_dof(&*b, a.dof())?;
+        if !a.any_dof() {
+            super::check_dof(&*b, a.dof())?;
+        }
         if let Some(arm) = a.arm() {
             b.check_arm(arm)?;
         }
@@ -51,7 +50,8 @@ impl Weighted {
                     .into(),
             ));
         }
-        Ok(Self { dof: a.dof(), sense: a.sense(), terms: vec![(1.0, a), (1.0, b)] })
+        let dof = if a.any_dof() { b.dof() } else { a.dof() };
+        Ok(Self { dof, sense: a.sense(), terms: vec![(1.0, a), (1.0, b)] })
     }
 }
 
@@ -59,10 +59,10 @@ impl Weighted {
     /// The weighted sum of what `write` writes for each term.
     fn add_up(&self, out: &mut [f64], write: impl Fn(&dyn Criterion, &mut [f64])) {
         let (mut stack, mut heap) = ([0.0; STACK_JOINTS], Vec::new());
-        let one = match stack.get_mut(..self.dof) {
+        let one = match stack.get_mut(..out.len()) {
             Some(one) => one,
             None => {
-                heap.resize(self.dof, 0.0);
+                heap.resize(out.len(), 0.0);
                 &mut heap[..]
             }
         };
@@ -79,6 +79,10 @@ impl Weighted {
 impl Criterion for Weighted {
     fn dof(&self) -> usize {
         self.dof
+    }
+
+    fn any_dof(&self) -> bool {
+        self.terms.iter().all(|(_, h)| h.any_dof())
     }
 
     fn sense(&self) -> Sense {
@@ -124,7 +128,7 @@ impl Criterion for Weighted {
     }
 
     fn hessian(&self, q: &[f64], out: &mut DMatrix<f64>) {
-        let mut one = DMatrix::zeros(self.dof, self.dof);
+        let mut one = DMatrix::zeros(q.len(), q.len());
         out.fill(0.0);
         for (factor, h) in &self.terms {
             h.hessian(q, &mut one);
@@ -139,7 +143,7 @@ impl Criterion for Weighted {
         gradient: &mut [f64],
         hessian: &mut DMatrix<f64>,
     ) {
-        let mut one = (vec![0.0; self.dof], DMatrix::zeros(self.dof, self.dof));
+        let mut one = (vec![0.0; q.len()], DMatrix::zeros(q.len(), q.len()));
         gradient.fill(0.0);
         hessian.fill(0.0);
         for (factor, h) in &self.terms {

@@ -103,24 +103,24 @@ struct LinkState {
 
 /// A motion or a force as two vectors, linear first, about the world's origin.
 #[derive(Debug, Clone, Copy, Default)]
-struct Six {
-    lin: Vector3<f64>,
-    ang: Vector3<f64>,
+pub(crate) struct Six {
+    pub lin: Vector3<f64>,
+    pub ang: Vector3<f64>,
 }
 
 impl Six {
-    fn new(lin: Vector3<f64>, ang: Vector3<f64>) -> Self {
+    pub fn new(lin: Vector3<f64>, ang: Vector3<f64>) -> Self {
         Self { lin, ang }
     }
 
     #[inline(always)]
-    fn dot(&self, other: &Self) -> f64 {
+    pub fn dot(&self, other: &Self) -> f64 {
         self.lin.dot(&other.lin) + self.ang.dot(&other.ang)
     }
 
     /// Motion cross motion.
     #[inline(always)]
-    fn cross(&self, m: &Self) -> Self {
+    pub fn cross(&self, m: &Self) -> Self {
         Self::new(self.ang.cross(&m.lin) + self.lin.cross(&m.ang), self.ang.cross(&m.ang))
     }
 
@@ -147,15 +147,34 @@ impl std::ops::Mul<f64> for Six {
 
 /// Inertia of a rigid body about the world's origin.
 #[derive(Debug, Clone, Copy, Default)]
-struct Mass {
+pub(crate) struct Mass {
     mass: f64,
     moment: Vector3<f64>,
     second: Matrix3<f64>,
 }
 
 impl Mass {
+    /// A body in a frame with these axes and this origin.
     #[inline(always)]
-    fn times(&self, m: &Six) -> Six {
+    pub fn placed(body: &Body, turn: &Matrix3<f64>, p: &Vector3<f64>) -> Self {
+        let moment = turn * body.moment;
+        let mixed = moment * p.transpose();
+        let second =
+            turn * body.second * turn.transpose() + mixed + mixed.transpose() + p * p.transpose() * body.mass;
+        Self { mass: body.mass, moment: moment + p * body.mass, second }
+    }
+
+    /// Joins another body to it.
+    #[inline(always)]
+    pub fn add(&mut self, other: &Self) {
+        self.mass += other.mass;
+        self.moment += other.moment;
+        self.second += other.second;
+    }
+
+    /// Momentum of a motion.
+    #[inline(always)]
+    pub fn times(&self, m: &Six) -> Six {
         let spin = m.ang * self.second.trace() - self.second * m.ang;
         Six::new(m.lin * self.mass - self.moment.cross(&m.ang), spin + self.moment.cross(&m.lin))
     }
@@ -437,14 +456,7 @@ impl Chain {
             // velocity x axis qd, since axis x axis = 0
             acceleration = acceleration + axis * *qdd + rate * *qd;
             let turn = Matrix3::from_columns(&[frame.x, frame.y, frame.z]);
-            let moment = turn * body.moment;
-            let p = frame.origin;
-            let mixed = moment * p.transpose();
-            let second = turn * body.second * turn.transpose()
-                + mixed
-                + mixed.transpose()
-                + p * p.transpose() * body.mass;
-            let mass = Mass { mass: body.mass, moment: moment + p * body.mass, second };
+            let mass = Mass::placed(body, &turn, &frame.origin);
             let momentum = mass.times(&velocity);
             world.force = mass.times(&acceleration) + velocity.cross_force(&momentum);
             world.weight = mass.times(&apart);
@@ -459,9 +471,7 @@ impl Chain {
         for i in (1..scratch.worlds.len()).rev() {
             let (before, after) = scratch.worlds.split_at_mut(i);
             let (outer, inner) = (&mut before[i - 1], &after[0]);
-            outer.mass.mass += inner.mass.mass;
-            outer.mass.moment += inner.mass.moment;
-            outer.mass.second += inner.mass.second;
+            outer.mass.add(&inner.mass);
             outer.momentum += inner.momentum;
             outer.coriolis += inner.coriolis;
             outer.force = outer.force + inner.force;

@@ -67,6 +67,27 @@ impl Kinematics<'_> {
         Some(moved * link.offset)
     }
 
+    /// Pose of a link of `chain` (`None` is the tool), and the Jacobian `(6, n)` of its origin column by column, world axes.
+    /// An unknown link is taken for the tool.
+    pub(crate) fn write_link_columns(&self, chain: &Chain, link: Option<usize>, out: &mut [f64]) -> Pose {
+        let found = link.and_then(|index| self.link_pose(chain, index).zip(chain.links().get(index)));
+        let Some((pose, link)) = found else {
+            out.copy_from_slice(self.jacobian().as_slice());
+            return *self.pose();
+        };
+        out.fill(0.0);
+        let point = pose.translation.vector;
+        let columns = chain.steps().iter().zip(self.origins()).zip(self.axes()).take(link.joints_before);
+        for (((step, origin), axis), out) in columns.zip(out.as_chunks_mut::<6>().0) {
+            let (linear, angular) = match step.rotational {
+                true => (axis.cross(&(point - origin)), *axis),
+                false => (*axis, Vector3::zeros()),
+            };
+            *out = [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z];
+        }
+        pose
+    }
+
     /// Writes the Jacobian row by row, as numpy lays it out. An unknown link leaves `out` as it is.
     fn write_jacobian_of(&self, chain: &Chain, of: &JacobianOf, out: &mut [f64]) {
         let n = chain.dof();

@@ -14,12 +14,13 @@ mod null_space;
 mod pose_error;
 mod scratch;
 mod task;
+mod task_acceleration;
 mod trigonometry;
 
 pub use corrector::{Corrector, CorrectorSettings, MOST_COORDINATES, StepBound};
 pub use freedom::{SpinFreedom, ToolFreedom};
-pub(crate) use inverse_dynamics::SplitDerivatives;
 pub use inverse_dynamics::{DynamicsScratch, TorqueDerivatives};
+pub(crate) use inverse_dynamics::{Mass, Six, SplitDerivatives};
 pub use link_jacobian::{JacobianFrame, JacobianOf};
 pub use middle_frame::MiddleFrame;
 pub(crate) use normal_equations::{factor, normal_matrix, solve};

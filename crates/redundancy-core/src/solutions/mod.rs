@@ -23,6 +23,7 @@ pub use closed_form::parallel_axes::{ParallelAxesArm, ParallelAxesConfigurations
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
 pub use closed_form::srs::{
     BatchChoice, Branch, BranchInterval, Chart, Choice, PaperQuaternions, SelfMotion, SrsArm, Swivel,
+    SwivelCriterion,
 };
 pub use closed_form::{ClosedForm, Defect, closed_form};
 pub(crate) use continuation::random_configurations;

@@ -27,17 +27,19 @@ pub(super) struct BoxProjection {
     orthonormal: Vec<f64>,
     factor: Vec<f64>,
     direction: Vec<f64>,
-    /// Rows of the last proof that a larger scale has no solution.
+    /// Rows of the last proof that a larger scale has no solution, and their multipliers.
     blocking: Vec<(usize, bool)>,
+    proof: Vec<f64>,
     /// The solution.
     pub z: Vec<f64>,
 }
 
-/// The rows: `N` by joint (r numbers each), bounds, and what one unit of s takes from them.
+/// The rows: `N` by joint (the first r of `stride` numbers each), bounds, and what one unit of s takes from them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rows<'a> {
     pub n: &'a [f64],
     pub r: usize,
+    pub stride: usize,
     pub low: &'a [f64],
     pub high: &'a [f64],
     pub p: &'a [f64],
@@ -46,7 +48,7 @@ pub(super) struct Rows<'a> {
 impl Rows<'_> {
     /// `a` of the row `a z <= b` for one bound of a joint: the sign and the numbers.
     fn row(&self, (joint, upper): (usize, bool)) -> (f64, &[f64]) {
-        (if upper { 1.0 } else { -1.0 }, &self.n[joint * self.r..(joint + 1) * self.r])
+        (if upper { 1.0 } else { -1.0 }, &self.n[joint * self.stride..][..self.r])
     }
 
     /// `(c, d)` of `b = c - s d`.
@@ -76,6 +78,7 @@ impl BoxProjection {
             factor: vec![0.0; (n + 1) * (n + 1)],
             direction: vec![0.0; n],
             blocking: Vec::with_capacity(n + 1),
+            proof: Vec::with_capacity(n + 1),
             z: Vec::with_capacity(n),
         }
     }
@@ -98,6 +101,16 @@ impl BoxProjection {
     /// Bounds that hold the last solution back: joint, and whether the upper one. One may come twice.
     pub fn active(&self) -> impl Iterator<Item = (usize, bool)> {
         self.active.iter().chain(&self.blocking).copied()
+    }
+
+    /// Active rows with their multipliers, all positive or zero.
+    pub fn multipliers(&self) -> impl Iterator<Item = ((usize, bool), f64)> {
+        self.active.iter().copied().zip(self.multipliers.iter().copied())
+    }
+
+    /// Rows of the proof that the last scale is the largest, with their multipliers for rows of their own length.
+    pub fn proof_rows(&self) -> impl Iterator<Item = ((usize, bool), f64)> {
+        self.blocking.iter().copied().zip(self.proof.iter().copied())
     }
 
     fn project(&mut self, rows: &Rows<'_>, z0: &[f64], s: f64) -> Outcome {
@@ -218,6 +231,9 @@ impl BoxProjection {
         self.blocking.clear();
         self.blocking.push(new);
         self.blocking.extend_from_slice(&self.active);
+        self.proof.clear();
+        self.proof.push(1.0);
+        self.proof.extend(self.change.iter().map(|change| -change));
         // 0 = y^T A z <= c - s d.
         if d > 0.0 && c / d < s { Outcome::AtMost(c / d) } else { Outcome::Never }
     }

@@ -14,7 +14,7 @@ use crate::chain::Chain;
 use crate::error::{Error, Result, check_finite};
 use crate::kinematics::Kinematics;
 use crate::scene::{Contact, Proximity, ProximityMemory, Surroundings, Thing, Visitor};
-use crate::tolerance::{CONTACT_HORIZON, CONTACT_SLOPE};
+use crate::tolerance::{BOX_VIOLATION, CONTACT_HORIZON, CONTACT_SLOPE};
 
 /// Most pairs that are checked in one step.
 pub(super) const MOST_PAIRS: usize = 64;
@@ -152,6 +152,19 @@ impl Contacts {
             let rate: f64 = self.gradients[k * n..(k + 1) * n].iter().zip(qd).map(|(g, qd)| g * qd).sum();
             rate >= *low
         })
+    }
+
+    /// Notes the pairs whose bounds `qd` is at.
+    pub fn note_active(&mut self, qd: &[f64]) {
+        let n = qd.len();
+        for pair in 0..self.pairs.len() {
+            let rate: f64 =
+                self.gradients[pair * n..(pair + 1) * n].iter().zip(qd).map(|(g, qd)| g * qd).sum();
+            let low = self.low[pair];
+            if rate <= low + BOX_VIOLATION * (1.0 + low.abs()) {
+                self.note(pair);
+            }
+        }
     }
 
     /// Notes a pair that held the step back.

@@ -59,7 +59,7 @@ use crate::tolerance::{
 /// let q = [0.3, 0.6, -0.2, 1.2, 0.1, -0.5, 0.4];
 /// let mut qd = [0.0; 7];
 /// let velocity = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0];
-/// scheme.step(&StepInput { q: &q, velocity: &velocity, dt: Some(0.01), qd: None }, &mut qd)?;
+/// scheme.step(&StepInput { q: &q, velocity: &velocity, dt: Some(0.01), qd: None, wish: None }, &mut qd)?;
 /// assert!((arm.tool_velocity(&q, &qd)?[0] - 0.1).abs() < 1e-12);
 /// # Ok::<(), redundancy_core::Error>(())
 /// ```
@@ -157,7 +157,34 @@ impl ExtendedJacobian {
         let factor = self.inverse.factor(columns);
         let loss = self.inverse.loss(&factor);
         self.inverse.solve(&factor, columns, &self.zero, &v, qd);
+        let algorithmic = match input.wish {
+            None => self.follow_criterion(input, qd),
+            Some(wish) => {
+                // Of the wish that part which does not move the tool; the stationary point is left.
+                self.inverse.solve(&factor, columns, wish, &[0.0; M], &mut self.freedom);
+                self.last.known = false;
+                false
+            }
+        };
+        if let Some(damping) = self.damping.filter(|_| loss.any()) {
+            self.keep_off(input.q, damping.threshold);
+        }
+        self.bound = if self.damping.is_some() { self.slow_down(qd) } else { None };
+        qd.iter_mut().zip(&self.freedom).for_each(|(qd, free)| *qd += free);
+        let singular = loss.any() || (algorithmic && self.damping.is_some());
+        Ok(Step {
+            status: if singular { Status::Singular } else { Status::Converged },
+            scale: 1.0,
+            damping: loss.damping,
+            basis_changed: false,
+            algorithmic,
+            residual: if loss.any() { distance(&times(self.local.columns::<M>(), qd), &v) } else { 0.0 },
+        })
+    }
 
+    /// The motion of the freedom that keeps the criterion stationary, in `freedom`; whether it is near an algorithmic
+    /// singularity. `qd` is `J^+ v`.
+    fn follow_criterion(&mut self, input: &StepInput<'_>, qd: &[f64]) -> bool {
         self.stationarity.second_order(input.q);
         let r = self.right.len();
         self.svd.decompose(self.stationarity.reduced_hessian().as_slice(), r);
@@ -176,20 +203,7 @@ impl ExtendedJacobian {
         for (z, column) in self.free.iter().zip(basis.column_iter()) {
             self.freedom.iter_mut().zip(column.iter()).for_each(|(qd, n)| *qd += z * n);
         }
-        if let Some(damping) = self.damping.filter(|_| loss.any()) {
-            self.keep_off(input.q, damping.threshold);
-        }
-        self.bound = if self.damping.is_some() { self.slow_down(qd) } else { None };
-        qd.iter_mut().zip(&self.freedom).for_each(|(qd, free)| *qd += free);
-        let singular = loss.any() || (algorithmic && self.damping.is_some());
-        Ok(Step {
-            status: if singular { Status::Singular } else { Status::Converged },
-            scale: 1.0,
-            damping: loss.damping,
-            basis_changed: false,
-            algorithmic,
-            residual: if loss.any() { distance(&times(self.local.columns::<M>(), qd), &v) } else { 0.0 },
-        })
+        algorithmic
     }
 
     /// Whether the stationary point is lost, or was lost and the criterion's optimum is not reached yet. `least` is `J^+ v`.

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector6;
 
-use super::StepInput;
+use super::step_size::Gain;
+use super::{AccelerationInput, StepInput};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_vector};
@@ -70,6 +71,9 @@ impl Local {
         if let Some(qd) = input.qd {
             check_vector("qd", qd, n)?;
         }
+        if let Some(wish) = input.wish {
+            check_vector("wish", wish, n)?;
+        }
         if let Some(dt) = input.dt
             && !(dt.is_finite() && dt > 0.0)
         {
@@ -84,7 +88,7 @@ impl Local {
                 frame.write_jacobian(&self.chain, &kinematics, &mut self.jacobian);
             }
         }
-        if let Some(h) = &self.criterion {
+        if let Some(h) = self.criterion.as_ref().filter(|_| input.wish.is_none()) {
             if self.shared {
                 h.gradient_at(input.q, &kinematics, &mut self.ascent);
             } else {
@@ -94,6 +98,28 @@ impl Local {
             self.ascent.iter_mut().for_each(|x| *x *= sign);
         }
         Ok(())
+    }
+
+    /// As [`update`](Self::update) for the acceleration level: `velocity` is then `a - Jdot qd`.
+    pub fn update_acceleration(&mut self, input: &AccelerationInput<'_>, out: &[f64]) -> Result<()> {
+        let AccelerationInput { q, qd, acceleration, dt, wish } = *input;
+        self.update(&StepInput { q, velocity: acceleration, dt, qd: Some(qd), wish }, out)?;
+        let kinematics = self.scratch.last();
+        let mut product = self.task.velocity_product(&kinematics, qd);
+        if let Some(frame) = &self.frame {
+            product = frame.velocity(&self.chain, &kinematics, &self.task, &product);
+        }
+        self.velocity -= product;
+        Ok(())
+    }
+
+    /// Writes the joint velocity that the freedom is used for: the caller's wish, else the gain times the ascent.
+    #[inline(always)]
+    pub fn write_desired(&self, gain: f64, wish: Option<&[f64]>, eta: &mut [f64]) {
+        match wish {
+            Some(wish) => eta.copy_from_slice(wish),
+            None => eta.iter_mut().zip(&self.ascent).for_each(|(eta, ascent)| *eta = gain * ascent),
+        }
     }
 
     /// The kinematics at the last q.
@@ -119,6 +145,28 @@ impl Local {
 /// The length of a step, where a scheme needs it.
 pub(super) fn required_dt(input: &StepInput<'_>, why: &str) -> Result<f64> {
     input.dt.ok_or_else(|| Error::Invalid(format!("dt is missing: {why} needs the length of the step")))
+}
+
+/// Checks the rate at which the acceleration level approaches the joint velocity of the velocity level.
+pub(super) fn check_velocity_gain(rate: f64, gain: Gain) -> Result<()> {
+    if gain == Gain::Optimal {
+        return Err(Error::Invalid("the optimal gain has no acceleration level".into()));
+    }
+    if rate.is_finite() && rate > 0.0 {
+        return Ok(());
+    }
+    let bound = "finite and > 0 per s".into();
+    Err(Error::OutOfRange { what: "velocity_gain".into(), value: rate, bound })
+}
+
+/// A scheme at acceleration level that is asked for a velocity.
+pub(super) fn at_acceleration_level(name: &str) -> Error {
+    Error::Invalid(format!("{name} was made for the acceleration level: call step_acceleration"))
+}
+
+/// The other way round.
+pub(super) fn at_velocity_level(name: &str) -> Error {
+    Error::Invalid(format!("{name} was made for the velocity level: it has no step_acceleration"))
 }
 
 /// Calls a method that is generic over the number of task coordinates.

@@ -7,17 +7,24 @@
 //! | [`ExtendedJacobian`] | stays on a stationary point of the criterion [Park1996, eq. (5)] | velocity, of the freedom's motion |
 //! | [`SaturatedNullspace`] | the largest scale of v that the limits allow, then the nearest to eta [Flacco2015, section V] | position, velocity, acceleration |
 //!
-//! `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise. Near a singularity
+//! [`PrioritizedNullspace`] has several tasks, of any link, one above the other, within the same limits.
+//!
+//! `eta` is minus the gain times the gradient of a criterion to minimise, plus for one to maximise, or the joint velocity
+//! that the caller wishes for ([`StepInput::wish`]). Near a singularity
 //! small singular values are damped ([`Damping`]); the motion that uses the freedom is projected exactly all the same,
 //! so that it never moves the tool (but for [`ReducedGradient::as_printed`]). Every step reports what it did: damping, change of basis, scale, active limits.
 
+mod bounds;
 mod box_projection;
 mod contact;
 mod damping;
 mod exchange;
 mod extended_jacobian;
+mod hierarchy;
 mod linear;
 mod local;
+mod metric;
+mod priorities;
 mod projected_gradient;
 mod pseudo_inverse;
 mod reduced_gradient;
@@ -28,9 +35,11 @@ mod step_size;
 pub use contact::{ContactSettings, LimitingPair};
 pub use damping::Damping;
 pub use extended_jacobian::ExtendedJacobian;
+pub use metric::Metric;
+pub use priorities::{PrioritizedNullspace, PriorityStep, PriorityTask};
 pub use projected_gradient::ProjectedGradient;
 pub use reduced_gradient::ReducedGradient;
-pub use saturation::SaturatedNullspace;
+pub use saturation::{SaturatedNullspace, WhenBlocked};
 pub use step_size::Gain;
 
 use crate::chain::Chain;
@@ -50,6 +59,24 @@ pub struct StepInput<'a> {
     pub dt: Option<f64>,
     /// Joint velocity before the step (n); without it acceleration is not limited.
     pub qd: Option<&'a [f64]>,
+    /// Joint velocity (n) that the freedom is used for in place of the criterion's gradient, rad/s or m/s; with it neither
+    /// criterion nor gain counts.
+    pub wish: Option<&'a [f64]>,
+}
+
+/// What one step at acceleration level starts from.
+#[derive(Debug, Clone, Copy)]
+pub struct AccelerationInput<'a> {
+    /// Joint positions (n), rad or m.
+    pub q: &'a [f64],
+    /// Joint velocity (n).
+    pub qd: &'a [f64],
+    /// Acceleration of the task, as many numbers as its velocity has.
+    pub acceleration: &'a [f64],
+    /// Length of the step, s; only a schedule of bases needs it.
+    pub dt: Option<f64>,
+    /// Joint velocity (n) that the freedom approaches in place of the one along the criterion's gradient.
+    pub wish: Option<&'a [f64]>,
 }
 
 /// What one step did.
@@ -65,7 +92,8 @@ pub struct Step {
     pub basis_changed: bool,
     /// True where the scheme's own condition, not the Jacobian, lost rank.
     pub algorithmic: bool,
-    /// `|J qd - scale v|`: 0 up to rounding unless the status says otherwise; task units per s.
+    /// `|J qd - scale v|`: 0 up to rounding unless the status says otherwise; task units per s. Where no scale is possible, or
+    /// the task is blocked and approached, `|J qd - v|`.
     pub residual: f64,
 }
 
@@ -134,6 +162,20 @@ pub trait Resolver: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// Wrong lengths, numbers that are not finite, a step that is not positive or is missing where it is needed.
     fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step>;
+
+    /// One step at acceleration level: writes the joint acceleration (n). `residual` is `|J qdd + Jdot qd - a|`.
+    ///
+    /// # Errors
+    /// A scheme that was not made for it; wrong lengths, numbers that are not finite.
+    fn step_acceleration(&mut self, input: &AccelerationInput<'_>, qdd: &mut [f64]) -> Result<Step> {
+        let _ = (input, qdd);
+        Err(crate::Error::Invalid(format!("{} has no acceleration level", self.name())))
+    }
+
+    /// Rate, 1/s, at which the acceleration level approaches the joint velocity of the velocity level; `None` at velocity level.
+    fn velocity_gain(&self) -> Option<f64> {
+        None
+    }
 
     /// The limits that acted on the last step.
     fn active_limits(&self) -> &[ActiveLimit] {

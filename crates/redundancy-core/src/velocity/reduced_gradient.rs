@@ -30,11 +30,13 @@ use std::sync::Arc;
 use super::damping::Damping;
 use super::exchange::{self, Split};
 use super::linear::{along, complement, distance, dot, gram, times, write_rows};
-use super::local::{Local, by_dimension, required_dt};
+use super::local::{
+    Local, at_acceleration_level, at_velocity_level, by_dimension, check_velocity_gain, required_dt,
+};
 use super::pseudo_inverse::NormalEquations;
 use super::singular_values::Svd;
 use super::step_size::{Gain, OptimalStep};
-use super::{Resolver, Step, StepInput};
+use super::{AccelerationInput, Resolver, Step, StepInput};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
@@ -62,7 +64,7 @@ const REST: usize = 8;
 ///     ReducedGradient::new(&arm, Some(h), Gain::Constant(10.0), Task::POSE_RPY, Some(Damping::default()), None)?;
 /// let q = [40f64, 0.0, 90.0, 180.0, -90.0, 180.0, -90.0, 0.0].map(f64::to_radians);
 /// let mut qd = [0.0; 8];
-/// let report = scheme.step(&StepInput { q: &q, velocity: &[0.0; 6], dt: None, qd: None }, &mut qd)?;
+/// let report = scheme.step(&StepInput { q: &q, velocity: &[0.0; 6], dt: None, qd: None, wish: None }, &mut qd)?;
 /// assert!(arm.tool_velocity(&q, &qd)?.norm() < 1e-12 && !report.basis_changed);
 /// assert_eq!(scheme.basis().len(), 6);
 /// # Ok::<(), redundancy_core::Error>(())
@@ -83,6 +85,7 @@ pub struct ReducedGradient {
     optimal: OptimalStep,
     eta: Vec<f64>,
     work: [Vec<f64>; 2],
+    velocity_gain: Option<f64>,
 }
 
 /// Which basis is in use.
@@ -169,6 +172,7 @@ impl ReducedGradient {
             optimal,
             eta: vec![0.0; n],
             work: [vec![0.0; n], vec![0.0; n]],
+            velocity_gain: None,
         })
     }
 
@@ -213,6 +217,68 @@ impl ReducedGradient {
         Ok(self)
     }
 
+    /// The scheme at acceleration level: the independent joints accelerate by `velocity_gain` times what they lack of the
+    /// reduced gradient, `qdd_b = velocity_gain (eta_b - J_R^T eta_a - qd_b)`, and the dependent ones meet
+    /// `J qdd = a - Jdot qd`. A change of basis changes the acceleration at once and the joint velocity at that rate, so
+    /// nothing has to be blended.
+    ///
+    /// # Errors
+    /// A rate that is not positive or not finite, the optimal gain.
+    pub fn at_acceleration_level(mut self, velocity_gain: f64) -> Result<Self> {
+        check_velocity_gain(velocity_gain, self.gain)?;
+        self.velocity_gain = Some(velocity_gain);
+        Ok(self)
+    }
+
+    fn resolve_acceleration<const M: usize>(
+        &mut self,
+        input: &AccelerationInput<'_>,
+        rate: f64,
+        qdd: &mut [f64],
+    ) -> Result<Step> {
+        let Gain::Constant(gain) = self.gain else {
+            return Err(Error::Invalid("the optimal gain has no acceleration level".into()));
+        };
+        let scheduled = self.keep_to_schedule(input.dt)?;
+        let (minor, chosen) = self.choose::<M>();
+        self.basis.blend = 0;
+        let b = self.local.velocity::<M>();
+        let (status, damping) = self.losses::<M>(&minor);
+        // The joint velocity of the velocity level for the same motion of the task.
+        let v = times(self.local.columns::<M>(), input.qd);
+        self.local.write_desired(gain, input.wish, &mut self.eta);
+        let mut wanted = std::mem::take(&mut self.work[1]);
+        self.blended(&minor, &v, &mut wanted);
+        self.eta.fill(0.0);
+        self.blended(&minor, &b, qdd);
+        for ((qdd, wanted), qd) in qdd.iter_mut().zip(&wanted).zip(input.qd) {
+            *qdd += rate * (wanted - qd);
+        }
+        self.work[1] = wanted;
+        let residual = match minor {
+            Minor::Regular(..) => 0.0,
+            Minor::Values => distance(&times(self.local.columns::<M>(), qdd), &b),
+        };
+        let basis_changed = scheduled || chosen;
+        Ok(Step { status, scale: 1.0, damping, basis_changed, algorithmic: false, residual })
+    }
+
+    /// Status and largest damping factor of what solves `J_a`; where damping acts the null space of J is found.
+    fn losses<const M: usize>(&mut self, minor: &Minor<M>) -> (Status, f64) {
+        let (mut status, mut damping) = (Status::Converged, 0.0);
+        if let Minor::Values = minor {
+            let square = |sigma: &f64| self.damping.map_or(0.0, |d| d.square(*sigma));
+            damping = self.svd.sigma().iter().map(square).fold(0.0, f64::max).sqrt();
+            if damping > 0.0 || self.svd.smallest() <= self.zero() {
+                status = Status::Singular;
+            }
+            if !self.printed {
+                self.find_null_space::<M>();
+            }
+        }
+        (status, damping)
+    }
+
     /// Takes the basis that is due; whether one was.
     fn keep_to_schedule(&mut self, dt: Option<f64>) -> Result<bool> {
         let Self { schedule, basis, .. } = self;
@@ -237,24 +303,14 @@ impl ReducedGradient {
 
     fn resolve<const M: usize>(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
         let optimal_dt = match (self.gain, &self.local.criterion) {
-            (Gain::Optimal, Some(_)) => Some(required_dt(input, "the optimal gain")?),
+            (Gain::Optimal, Some(_)) if input.wish.is_none() => Some(required_dt(input, "the optimal gain")?),
             _ => None,
         };
         let scheduled = self.keep_to_schedule(input.dt)?;
         let (minor, chosen) = self.choose::<M>();
         let basis_changed = scheduled || chosen;
         let v = self.local.velocity::<M>();
-        let (mut status, mut damping) = (Status::Converged, 0.0);
-        if let Minor::Values = minor {
-            let square = |sigma: &f64| self.damping.map_or(0.0, |d| d.square(*sigma));
-            damping = self.svd.sigma().iter().map(square).fold(0.0, f64::max).sqrt();
-            if damping > 0.0 || self.svd.smallest() <= self.zero() {
-                status = Status::Singular;
-            }
-            if !self.printed {
-                self.find_null_space::<M>();
-            }
-        }
+        let (mut status, damping) = self.losses::<M>(&minor);
         match (optimal_dt, self.gain) {
             (Some(dt), _) => {
                 self.eta.fill(0.0);
@@ -271,7 +327,7 @@ impl ReducedGradient {
             }
             (None, gain) => {
                 let gain = if let Gain::Constant(gain) = gain { gain } else { 0.0 };
-                self.eta.iter_mut().zip(&self.local.ascent).for_each(|(eta, ascent)| *eta = gain * ascent);
+                self.local.write_desired(gain, input.wish, &mut self.eta);
                 self.blended(&minor, &v, qd);
             }
         }
@@ -500,8 +556,21 @@ impl Resolver for ReducedGradient {
     }
 
     fn step(&mut self, input: &StepInput<'_>, qd: &mut [f64]) -> Result<Step> {
+        if self.velocity_gain.is_some() {
+            return Err(at_acceleration_level(self.name()));
+        }
         self.local.update(input, qd)?;
         by_dimension!(self.resolve(input, qd) for self.local.task.dim())
+    }
+
+    fn step_acceleration(&mut self, input: &AccelerationInput<'_>, qdd: &mut [f64]) -> Result<Step> {
+        let rate = self.velocity_gain.ok_or_else(|| at_velocity_level(self.name()))?;
+        self.local.update_acceleration(input, qdd)?;
+        by_dimension!(self.resolve_acceleration(input, rate, qdd) for self.local.task.dim())
+    }
+
+    fn velocity_gain(&self) -> Option<f64> {
+        self.velocity_gain
     }
 
     fn basis(&self) -> &[usize] {

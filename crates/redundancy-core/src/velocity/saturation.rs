@@ -5,18 +5,7 @@
 //! schemes of [Flacco2012] reach it often, but not always; here both problems are solved exactly, see the module
 //! `box_projection`.
 //!
-//! # Bounds
-//! Over a step of length dt every joint keeps
-//!
-//! ```text
-//! upper = min(v_max, qd + a dt, brake(q_max - q))            lower mirrored
-//! brake(d) = a dt (k/2 + D/(k+1)),  D = d / (a dt^2),  k = floor((sqrt(1 + 8 D) - 1) / 2)
-//! ```
-//!
-//! `brake` is the largest speed from which steps of deceleration a stop within d: after `k + 1` steps with
-//! `v, v - a dt, ...` the joint has gone d. Without an acceleration limit it is `d / dt`. Where the bounds exclude each other,
-//! position comes before velocity before acceleration. A joint outside its limits is brought back, at once or as fast as
-//! its velocity limit allows.
+//! The bounds are those of the module `bounds`.
 //!
 //! With surroundings ([`SaturatedNullspace::with_contacts`]) every near pair bounds the joint velocity too, by a row of the same
 //! problem; see the module `contact`. Where the rows exclude each other position comes first, then contact, velocity and
@@ -24,24 +13,23 @@
 
 use std::sync::Arc;
 
+use super::bounds::Bounds;
 use super::box_projection::{BoxProjection, Rows};
 use super::contact::{ContactSettings, Contacts, LimitingPair, MOST_PAIRS};
 use super::damping::Damping;
+use super::hierarchy::Hierarchy;
 use super::linear::{complement, distance, dot, times, write_rows};
 use super::local::{Local, by_dimension, required_dt};
 use super::pseudo_inverse::{Factor, PseudoInverse};
 use super::step_size::Gain;
-use super::{ActiveLimit, LimitKind, Resolver, Step, StepInput};
-use crate::chain::{Chain, Limits};
+use super::{ActiveLimit, Resolver, Step, StepInput};
+use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result};
 use crate::kinematics::Task;
 use crate::scene::{Proximity, Surroundings};
 use crate::status::Status;
-use crate::tolerance::{BOX_VIOLATION, LIMIT_SLACK, UNREACHABLE_VELOCITY, YIELD_WEIGHT};
-
-/// Rounds over the joints in which a task that no scale allows is approached.
-const YIELD_ROUNDS: usize = 100;
+use crate::tolerance::{BLOCKED_SCALE, UNREACHABLE_VELOCITY};
 
 /// Saturation in the null space: hard position, velocity and acceleration limits [Flacco2015, section V].
 ///
@@ -53,7 +41,7 @@ const YIELD_ROUNDS: usize = 100;
 /// let q = [0.3, 0.6, -0.2, 1.2, 0.1, -0.5, 0.4];
 /// let mut qd = [0.0; 7];
 /// let fast = [5.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-/// let report = scheme.step(&StepInput { q: &q, velocity: &fast, dt: Some(0.01), qd: None }, &mut qd)?;
+/// let report = scheme.step(&StepInput { q: &q, velocity: &fast, dt: Some(0.01), qd: None, wish: None }, &mut qd)?;
 /// assert!(report.scale < 1.0 && !scheme.active_limits().is_empty());
 /// let v = arm.tool_velocity(&q, &qd)?;
 /// assert!((v[0] - 5.0 * report.scale).abs() < 1e-12 && v[1].abs() < 1e-12); // slower, but not aside
@@ -77,6 +65,39 @@ pub struct SaturatedNullspace {
     by_joint: Vec<f64>,
     wish: Vec<f64>,
     limited: RowMemory,
+    when_blocked: WhenBlocked,
+    hierarchy: Hierarchy,
+}
+
+/// What becomes of a task whose velocity no scale above zero realises within the limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum WhenBlocked {
+    /// The scale is zero: the tool stops, unless a joint has to brake.
+    #[default]
+    Stop,
+    /// The tool moves as nearly to the task velocity as the limits allow: the least `|J qd - v|`.
+    Closest,
+}
+
+impl WhenBlocked {
+    /// The choice as a word.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Stop => "stop",
+            Self::Closest => "closest",
+        }
+    }
+
+    /// The choice with this name.
+    ///
+    /// # Errors
+    /// An unknown name; the message lists the known ones.
+    pub fn from_name(name: &str) -> Result<Self> {
+        [Self::Stop, Self::Closest].into_iter().find(|choice| choice.as_str() == name).ok_or_else(|| {
+            let valid = vec!["stop".into(), "closest".into()];
+            Error::UnknownName { kind: "when_blocked", name: name.into(), valid }
+        })
+    }
 }
 
 /// Rows of the joints and of the pairs: bounds, and what one unit of scale takes.
@@ -88,18 +109,6 @@ struct RowMemory {
     taken: Vec<f64>,
     /// Rows over the joints themselves, where no scale is left.
     whole: Vec<f64>,
-}
-
-/// Bounds of the joint velocities of one step.
-#[derive(Debug, Clone)]
-struct Bounds {
-    low: Vec<f64>,
-    high: Vec<f64>,
-    kinds: Vec<[LimitKind; 2]>,
-    /// By position alone, and by position and velocity.
-    wider: [Vec<(f64, f64)>; 2],
-    /// A joint is outside its position limits.
-    outside: Vec<ActiveLimit>,
 }
 
 impl SaturatedNullspace {
@@ -125,13 +134,7 @@ impl SaturatedNullspace {
             local: Local::new(chain, criterion, task)?,
             gain,
             inverse: PseudoInverse::new(damping, task.dim(), n),
-            bounds: Bounds {
-                low: vec![0.0; n],
-                high: vec![0.0; n],
-                kinds: vec![[LimitKind::Position; 2]; n],
-                wider: [vec![(0.0, 0.0); n], vec![(0.0, 0.0); n]],
-                outside: Vec::with_capacity(n),
-            },
+            bounds: Bounds::new(n),
             projection: BoxProjection::new(n),
             active: Vec::with_capacity(2 * n),
             eta: vec![0.0; n],
@@ -147,7 +150,16 @@ impl SaturatedNullspace {
                 taken: Vec::with_capacity(n + MOST_PAIRS),
                 whole: Vec::with_capacity(n * (n + MOST_PAIRS)),
             },
+            when_blocked: WhenBlocked::Stop,
+            hierarchy: Hierarchy::new(n, MOST_PAIRS),
         })
+    }
+
+    /// What becomes of a task that is blocked.
+    #[must_use]
+    pub fn when_blocked(mut self, choice: WhenBlocked) -> Self {
+        self.when_blocked = choice;
+        self
     }
 
     /// The same scheme that keeps its distance from obstacles, and links from each other.
@@ -177,7 +189,7 @@ impl SaturatedNullspace {
         let v = self.local.velocity::<M>();
         let factor = self.inverse.factor(columns);
         let loss = self.inverse.loss(&factor);
-        self.eta.iter_mut().zip(&self.local.ascent).for_each(|(eta, ascent)| *eta = self.gain * ascent);
+        self.local.write_desired(self.gain, input.wish, &mut self.eta);
 
         let mut report = Step {
             status: if loss.any() { Status::Singular } else { Status::Converged },
@@ -248,15 +260,23 @@ impl SaturatedNullspace {
         qd: &mut [f64],
         report: &mut Step,
     ) {
-        let (n, columns) = (self.local.chain.dof(), self.local.columns::<M>());
+        let n = self.local.chain.dof();
         let rows = Rows {
             n: &self.by_joint[..self.limited.low.len() * r],
             r,
+            stride: r,
             low: &self.limited.low,
             high: &self.limited.high,
             p: &self.limited.taken,
         };
         let solved = self.projection.solve(&rows, &self.wish);
+        if self.when_blocked == WhenBlocked::Closest
+            && (lost || solved.is_none_or(|s| s < BLOCKED_SCALE))
+            && self.closest::<M>(v, qd, report)
+        {
+            return;
+        }
+        let columns = self.local.columns::<M>();
         report.scale = if lost { 0.0 } else { solved.unwrap_or(0.0) };
         match solved {
             Some(s) => {
@@ -292,6 +312,44 @@ impl SaturatedNullspace {
                 report.residual = distance(&times(columns, qd), v);
             }
         }
+    }
+}
+
+impl SaturatedNullspace {
+    /// The least error of the task within the bounds, then the joint velocity closest to the desired one; false where the
+    /// bounds exclude each other.
+    fn closest<const M: usize>(&mut self, v: &[f64; M], qd: &mut [f64], report: &mut Step) -> bool {
+        let n = self.local.chain.dof();
+        // `eta` is overwritten; the null space, what moves the tool left out, keeps all of it that counts.
+        let wish = &mut self.eta;
+        wish.fill(0.0);
+        for (part, axis) in self.wish.iter().zip(self.basis.chunks_exact(n)) {
+            wish.iter_mut().zip(axis).for_each(|(wish, axis)| *wish += part * axis);
+        }
+        let hierarchy = &mut self.hierarchy;
+        hierarchy.begin(&self.bounds.low, &self.bounds.high, wish);
+        if let Some(contacts) = &self.limited.contacts {
+            for (gradient, low) in contacts.gradients.chunks_exact(n).zip(&contacts.low) {
+                hierarchy.add_row(gradient, *low);
+            }
+        }
+        if !hierarchy.settle() {
+            return false;
+        }
+        hierarchy.prepare(&self.local.jacobian, v);
+        hierarchy.approach();
+        hierarchy.finish(qd);
+        for (i, qd) in qd.iter_mut().enumerate() {
+            *qd = qd.clamp(self.bounds.low[i], self.bounds.high[i]);
+        }
+        if let Some(contacts) = &mut self.limited.contacts {
+            contacts.note_active(qd);
+        }
+        self.bounds.report(qd, &mut self.active);
+        report.scale = 0.0;
+        report.status = Status::Limits;
+        report.residual = distance(&times(self.local.columns::<M>(), qd), v);
+        true
     }
 }
 
@@ -350,7 +408,7 @@ impl RowMemory {
             }
             low.extend_from_slice(&contacts.low[..count]);
             high.resize(n + count, f64::INFINITY);
-            let rows = Rows { n: whole, r: n, low, high, p: &taken[..n + count] };
+            let rows = Rows { n: whole, r: n, stride: n, low, high, p: &taken[..n + count] };
             if projection.solve(&rows, qd).is_none() {
                 continue;
             }
@@ -367,107 +425,6 @@ impl RowMemory {
             return;
         }
     }
-}
-
-/// An interval within another one; where they exclude each other, the end of the outer one that is nearer.
-fn confined((a, b): (f64, f64), (low, high): (f64, f64)) -> (f64, f64) {
-    (if low > a { low.min(b) } else { a }, if high < b { high.max(a) } else { b })
-}
-
-impl Bounds {
-    /// The bounds at `q` for a step of `dt` after the joint velocity `qd`.
-    fn update(&mut self, chain: &Chain, q: &[f64], qd: Option<&[f64]>, dt: f64) {
-        self.outside.clear();
-        for (i, joint) in chain.joints().iter().enumerate() {
-            let limits = &joint.limits;
-            let (above, below) = (limits.upper - q[i], q[i] - limits.lower);
-            let position = (-braking(below, limits, dt), braking(above, limits, dt));
-            for (distance, upper) in [(above, true), (below, false)] {
-                if distance < -LIMIT_SLACK {
-                    self.outside.push(ActiveLimit { joint: i, kind: LimitKind::Position, upper });
-                }
-            }
-            self.wider[0][i] = position;
-            self.wider[1][i] = confined(position, (-limits.velocity, limits.velocity));
-            let mut interval = position;
-            self.kinds[i] = [LimitKind::Position; 2];
-            let mut confine = |low: f64, high: f64, kind: LimitKind| {
-                // Where they exclude each other, the end of the more important one that is nearer.
-                let (a, b) = interval;
-                if low > a {
-                    interval.0 = low.min(b);
-                    self.kinds[i][0] = kind;
-                }
-                if high < b {
-                    interval.1 = high.max(a);
-                    self.kinds[i][1] = kind;
-                }
-            };
-            confine(-limits.velocity, limits.velocity, LimitKind::Velocity);
-            if let Some(qd) = qd {
-                let change = limits.acceleration * dt;
-                confine(qd[i] - change, qd[i] + change, LimitKind::Acceleration);
-            }
-            (self.low[i], self.high[i]) = interval;
-        }
-    }
-
-    fn contain(&self, qd: &[f64]) -> bool {
-        qd.iter().zip(&self.low).zip(&self.high).all(|((x, low), high)| x >= low && x <= high)
-    }
-
-    /// The joint velocity within the bounds that moves the tool most nearly by `v`, by descent over the joints.
-    fn approach<const M: usize>(&self, columns: &[[f64; M]], v: &[f64; M], qd: &mut [f64]) {
-        for (i, qd) in qd.iter_mut().enumerate() {
-            *qd = qd.clamp(self.low[i], self.high[i]);
-        }
-        let mut missing = times(columns, qd);
-        for i in 0..M {
-            missing[i] = v[i] - missing[i];
-        }
-        for _ in 0..YIELD_ROUNDS {
-            for (j, column) in columns.iter().enumerate() {
-                let slope = dot(column, &missing) - YIELD_WEIGHT * qd[j];
-                let next =
-                    (qd[j] + slope / (dot(column, column) + YIELD_WEIGHT)).clamp(self.low[j], self.high[j]);
-                let change = next - qd[j];
-                qd[j] = next;
-                for i in 0..M {
-                    missing[i] -= change * column[i];
-                }
-            }
-        }
-    }
-
-    /// Adds the bounds that `qd` is at.
-    fn report(&self, qd: &[f64], active: &mut Vec<ActiveLimit>) {
-        for (joint, x) in qd.iter().enumerate() {
-            for (upper, bound) in [(false, self.low[joint]), (true, self.high[joint])] {
-                let limit = ActiveLimit { joint, kind: self.kinds[joint][usize::from(upper)], upper };
-                if (x - bound).abs() <= BOX_VIOLATION * (1.0 + bound.abs()) && !active.contains(&limit) {
-                    active.push(limit);
-                }
-            }
-        }
-    }
-}
-
-/// The largest velocity towards a position limit at distance `d`.
-fn braking(d: f64, limits: &Limits, dt: f64) -> f64 {
-    if d == f64::INFINITY {
-        return f64::INFINITY;
-    }
-    if d < 0.0 {
-        // Outside: back at once, or as fast as the joint can.
-        return (d / dt).max(-limits.velocity);
-    }
-    let a = limits.acceleration;
-    let steps = d / (a * dt * dt);
-    if a == f64::INFINITY || !steps.is_finite() {
-        return d / dt;
-    }
-    let k = (((1.0 + 8.0 * steps).sqrt() - 1.0) / 2.0).floor();
-    a * dt * (0.5 * k + steps / (k + 1.0))
 }
 
 impl Resolver for SaturatedNullspace {

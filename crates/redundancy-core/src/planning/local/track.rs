@@ -168,7 +168,7 @@ pub fn track_beside(
         let wanted =
             task.from_twist(kinematics.pose(), &reference.twist) + error.coordinates * settings.feedback;
         let velocity = caller_coordinates(&task, kinematics.pose(), &wanted, &mut given);
-        let input = StepInput { q: &now, velocity, dt: Some(settings.dt), qd: Some(&before) };
+        let input = StepInput { q: &now, velocity, dt: Some(settings.dt), qd: Some(&before), wish: None };
         resolver.set_time(time);
         let report = resolver.step(&input, &mut speed)?;
         run.log.at(row, time, reference.s);
@@ -345,7 +345,7 @@ fn times_for(resolver: &dyn Resolver, path: &Path, q0: &[f64]) -> Result<Vec<f64
             let kinematics = chain.kinematics(&now, &mut scratch)?;
             let error = task.error(pose, kinematics.pose());
             let velocity = caller_coordinates(&task, kinematics.pose(), &error.coordinates, &mut given);
-            least.step(&StepInput { q: &now, velocity, dt: None, qd: None }, &mut qd)?;
+            least.step(&StepInput { q: &now, velocity, dt: None, qd: None, wish: None }, &mut qd)?;
             now.iter_mut().zip(&qd).for_each(|(q, qd)| *q += qd);
         }
         rows.extend_from_slice(&now);

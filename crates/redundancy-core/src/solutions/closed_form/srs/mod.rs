@@ -15,6 +15,7 @@ mod solutions;
 mod spherical;
 mod spring_search;
 mod stretches;
+mod swivel_criterion;
 mod widest;
 
 pub use arm::{SrsArm, Swivel};
@@ -23,6 +24,7 @@ pub use chart::Chart;
 pub use choice::Choice;
 pub use circle::{Branch, SelfMotion};
 pub use paper::PaperQuaternions;
+pub use swivel_criterion::SwivelCriterion;
 
 pub(crate) use batch::at;
 pub(crate) use elbow_circle::signs;

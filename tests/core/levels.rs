@@ -1,0 +1,742 @@
+//! Wishes, blocked tasks, priorities, the acceleration level, and the criteria of torque and energy.
+
+use std::sync::Arc;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use redundancy_core::chain::{Chain, ChainBuilder, DhConvention, DhRow, Limits, catalog};
+use redundancy_core::criterion::{
+    Criterion, GravityTorque, JointRange, KineticEnergy, Posture, TorqueMeasure,
+};
+use redundancy_core::kinematics::{DynamicsScratch, JacobianOf, Scratch, Task, TaskKind, TorqueDerivatives};
+use redundancy_core::nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use redundancy_core::solutions::{Chart, SrsArm, SwivelCriterion};
+use redundancy_core::velocity::{
+    AccelerationInput, Damping, ExtendedJacobian, Gain, Metric, PrioritizedNullspace, PriorityTask,
+    ProjectedGradient, ReducedGradient, Resolver, SaturatedNullspace, StepInput, WhenBlocked, sigma_min,
+};
+use redundancy_core::{Error, Status};
+
+use crate::allocations;
+use crate::criterion::against_differences;
+use crate::support::{amount, random_q};
+use crate::velocity::{clarabel, stated_bounds, task_jacobian};
+
+/// Fourteen joints, as two arms hand to hand have.
+fn long_arm() -> Chain {
+    let rows: Vec<DhRow> = (0..14)
+        .map(|i| DhRow {
+            a: if i % 4 == 1 { 0.05 } else { 0.0 },
+            d: if i % 2 == 0 { 0.25 } else { 0.0 },
+            alpha: if i % 2 == 0 { 1.6 } else { -1.5 },
+            theta: 0.1 * f64::from(i),
+        })
+        .collect();
+    let arm = ChainBuilder::from_dh("long", &rows, DhConvention::Standard).build().unwrap();
+    let limits = Limits { lower: -2.5, upper: 2.5, velocity: 2.0, acceleration: 20.0, effort: f64::INFINITY };
+    arm.with_limits(&[limits; 14]).unwrap()
+}
+
+/// The same arm with random narrow limits around `q`.
+fn narrowed(rng: &mut ChaCha8Rng, arm: &Chain, q: &[f64]) -> Chain {
+    let limits: Vec<Limits> = q
+        .iter()
+        .map(|q| {
+            let range = rng.random_range(0.05..2.0);
+            let below = rng.random_range(0.0..range);
+            let (velocity, acceleration) = (rng.random_range(0.2..2.0), rng.random_range(1.0..40.0));
+            Limits {
+                lower: q - below,
+                upper: q - below + range,
+                velocity,
+                acceleration,
+                effort: f64::INFINITY,
+            }
+        })
+        .collect();
+    arm.with_limits(&limits).unwrap()
+}
+
+#[test]
+fn torques_energy_and_swivel_have_the_derivatives_they_claim() {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    for name in ["puma560", "iiwa14", "panda"] {
+        let arm = catalog::load(name).unwrap();
+        if arm.inertias().is_none() {
+            continue;
+        }
+        let n = arm.dof();
+        let (mut scratch, mut derivatives) = (DynamicsScratch::new(&arm), TorqueDerivatives::new(n));
+        let gravity = [0.5, -1.0, -9.0];
+        let weights: Vec<f64> = (0..n).map(|_| rng.random_range(0.0..2.0)).collect();
+        let speed: Vec<f64> = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let norm = GravityTorque::new(&arm, TorqueMeasure::Norm).unwrap().under(gravity).unwrap();
+        let norm = norm.weighted(&weights).unwrap();
+        let peak = GravityTorque::new(&arm, TorqueMeasure::Peak).unwrap();
+        let energy = KineticEnergy::of_velocity(&arm, &speed).unwrap();
+        let whole = KineticEnergy::new(&arm).unwrap();
+        for _ in 0..34 {
+            let q = random_q(&mut rng, &arm);
+            let zero = vec![0.0; n];
+            let mut tau = vec![0.0; n];
+            arm.inverse_dynamics(&q, &zero, &zero, &gravity.into(), &mut scratch, &mut tau).unwrap();
+            let expected = tau.iter().zip(&weights).map(|(t, w)| (t * w).powi(2)).sum::<f64>().sqrt();
+            assert!((norm.value(&q) - expected).abs() < 1e-11, "{name}");
+            let down = Vector3::new(0.0, 0.0, -9.81);
+            arm.inverse_dynamics(&q, &zero, &zero, &down, &mut scratch, &mut tau).unwrap();
+            let largest = tau.iter().fold(0.0_f64, |most, t| most.max(t.abs()));
+            assert!((peak.value(&q) - largest).abs() < 1e-11, "{name}");
+            arm.inverse_dynamics_derivatives(&q, &zero, &zero, &down, &mut scratch, &mut derivatives)
+                .unwrap();
+            let mass = &derivatives.qdd;
+            let moving = DVector::from_column_slice(&speed);
+            assert!((energy.value(&q) - 0.5 * moving.dot(&(mass * &moving))).abs() < 1e-11);
+            assert!((whole.value(&q) - 0.5 * mass.trace()).abs() < 1e-11);
+            let mut sorted: Vec<f64> = tau.iter().map(|t| t.abs()).collect();
+            sorted.sort_by(|a, b| b.total_cmp(a));
+            for (h, smooth) in [
+                (&norm as &dyn Criterion, true),
+                (&peak, sorted[0] - sorted[1] > 1e-2),
+                (&energy, true),
+                (&whole, true),
+            ] {
+                if smooth {
+                    let (first, second) = against_differences(h, &q, 1e-5);
+                    assert!(first < 1e-8 && second < 1e-6, "{name} {h:?} {first} {second}");
+                }
+            }
+        }
+    }
+    let chain = catalog::load("pa10").unwrap();
+    for chart in [Chart::default(), Chart::Stereographic(Some(Vector3::new(1.0, 0.3, -0.4)))] {
+        let arm = SrsArm::with_chart(&chain, chart).unwrap();
+        let h = SwivelCriterion::new(&arm, 0.7).unwrap();
+        for _ in 0..60 {
+            let q = random_q(&mut rng, &chain);
+            assert!((h.value(&q) - (1.0 - (arm.swivel(&q).unwrap() - 0.7).cos())).abs() < 1e-12);
+            let (first, second) = against_differences(&h, &q, 1e-6);
+            assert!(first < 1e-6 && second < 1e-3, "{chart:?} {q:?} {first} {second}");
+        }
+    }
+    let (arm, other) = (catalog::load("planar3r").unwrap(), catalog::load("iiwa14").unwrap());
+    assert!(matches!(GravityTorque::new(&arm, TorqueMeasure::Norm), Err(Error::Invalid(_))));
+    let h = GravityTorque::new(&other, TorqueMeasure::Norm).unwrap();
+    assert!(h.check_arm(&arm).is_err());
+}
+
+#[test]
+fn a_wish_takes_the_place_of_the_criterion_in_every_scheme() {
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    for name in ["iiwa14", "dexter"] {
+        let arm = catalog::load(name).unwrap();
+        let n = arm.dof();
+        let h: Arc<dyn Criterion> = Arc::new(JointRange::new(&arm));
+        let (gain, task) = (Gain::Constant(20.0), Task::POSE);
+        let mut projected = ProjectedGradient::new(&arm, Some(h.clone()), gain, task, None).unwrap();
+        let mut optimal = ProjectedGradient::new(&arm, Some(h.clone()), Gain::Optimal, task, None).unwrap();
+        let mut extended = ExtendedJacobian::new(&arm, h.clone(), 10.0, task, None).unwrap();
+        let mut saturated = SaturatedNullspace::new(&arm, Some(h.clone()), gain, task, None).unwrap();
+        let reduced = ReducedGradient::new(&arm, Some(h.clone()), gain, task, None, None).unwrap();
+        for _ in 0..50 {
+            let q = random_q(&mut rng, &arm);
+            if sigma_min(&arm, &task, &q).unwrap() < 0.05 {
+                continue;
+            }
+            let wish: Vec<f64> = (0..n).map(|_| rng.random_range(-0.1..0.1)).collect();
+            let v: [f64; 6] = std::array::from_fn(|_| rng.random_range(-0.01..0.01));
+            let j = task_jacobian(&arm, &task, &q);
+            let pseudo = j.clone().pseudo_inverse(1e-12).unwrap();
+            let eta = DVector::from_column_slice(&wish);
+            let expected = &pseudo * (DVector::from_column_slice(&v) - &j * &eta) + &eta;
+            let input = StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: None, wish: Some(&wish) };
+            let mut qd = vec![0.0; n];
+            for scheme in [&mut projected as &mut dyn Resolver, &mut optimal, &mut extended, &mut saturated] {
+                // Wishes of this size stay within the speed limits, and random postures within braking distance.
+                let report = scheme.step(&input, &mut qd).unwrap();
+                if scheme.name() == "saturated_nullspace" && !scheme.active_limits().is_empty() {
+                    continue;
+                }
+                let error = (DVector::from_column_slice(&qd) - &expected).amax();
+                assert!(error < 1e-11, "{name} {} {error}", scheme.name());
+                assert_eq!(report.scale, 1.0);
+                assert_eq!(allocations::count(|| scheme.step(&input, &mut qd).unwrap()), 0);
+            }
+            // The independent joints take the reduced wish; a new scheme has no change of basis to blend.
+            let mut reduced = reduced.clone();
+            reduced.step(&input, &mut qd).unwrap();
+            let basis = reduced.basis().to_vec();
+            let a = DMatrix::from_fn(6, 6, |i, k| j[(i, basis[k])]);
+            let right = a.transpose().lu().solve(&DVector::from_fn(6, |k, _| wish[basis[k]])).unwrap();
+            for k in (0..n).filter(|k| !basis.contains(k)) {
+                let expected = wish[k] - j.column(k).dot(&right);
+                assert!((qd[k] - expected).abs() < 1e-9 * (1.0 + expected.abs()));
+            }
+            assert!((&j * DVector::from_column_slice(&qd) - DVector::from_column_slice(&v)).amax() < 1e-11);
+        }
+        let wrong =
+            StepInput { q: &[0.1; 8][..n], velocity: &[0.0; 6], dt: None, qd: None, wish: Some(&[0.0]) };
+        assert!(projected.step(&wrong, &mut vec![0.0; n]).is_err());
+    }
+}
+
+/// The conditions of Karush, Kuhn and Tucker prove a least error; beyond it the wish decides.
+#[test]
+fn a_blocked_task_is_approached_as_nearly_as_limits_allow() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let (mut blocked, mut moved) = (0, 0);
+    for run in 0..amount(300, 3000) {
+        let arm = catalog::load(if run % 2 == 0 { "iiwa14" } else { "dexter" }).unwrap();
+        let n = arm.dof();
+        let q = random_q(&mut rng, &arm);
+        // Some joints are at a limit and may only go one way.
+        let limits: Vec<Limits> = (q.iter())
+            .map(|q| {
+                let at = rng.random_range(0..3);
+                let (below, above) = (f64::from(u8::from(at != 0)), f64::from(u8::from(at != 1)));
+                let velocity = rng.random_range(0.2..2.0);
+                Limits { lower: q - below, upper: q + above, velocity, ..Limits::NONE }
+            })
+            .collect();
+        let arm = arm.with_limits(&limits).unwrap();
+        let h: Arc<dyn Criterion> = Arc::new(JointRange::new(&arm));
+        let make = |choice| {
+            let scheme =
+                SaturatedNullspace::new(&arm, Some(h.clone()), Gain::Constant(3.0), Task::POSE, None);
+            scheme.unwrap().when_blocked(choice)
+        };
+        let (mut stop, mut closest) = (make(WhenBlocked::Stop), make(WhenBlocked::Closest));
+        let v: [f64; 6] = std::array::from_fn(|_| rng.random_range(-0.5..0.5));
+        let input = StepInput { q: &q, velocity: &v, dt: Some(0.01), qd: None, wish: None };
+        let (mut qd, mut still) = (vec![0.0; n], vec![0.0; n]);
+        let stopped = stop.step(&input, &mut still).unwrap();
+        let report = closest.step(&input, &mut qd).unwrap();
+        if stopped.scale > 1e-6 {
+            assert_eq!((report.scale, &qd), (stopped.scale, &still));
+            continue;
+        }
+        blocked += 1;
+        assert_eq!(report.status, Status::Limits);
+        let j = task_jacobian(&arm, &Task::POSE, &q);
+        let error = &j * DVector::from_column_slice(&qd) - DVector::from_column_slice(&v);
+        let slope = j.transpose() * &error;
+        assert!((report.residual - error.norm()).abs() < 1e-12);
+        let mut bounds = Vec::new();
+        for i in 0..n {
+            let (low, high) = stated_bounds(&limits[i], q[i], None, 0.01);
+            assert!(qd[i] >= low - 1e-12 && qd[i] <= high + 1e-12);
+            assert!(qd[i] < high - 1e-8 || slope[i] < 1e-8, "{run} joint {i} {}", slope[i]);
+            assert!(qd[i] > low + 1e-8 || slope[i] > -1e-8, "{run} joint {i} {}", slope[i]);
+            bounds.push((low, high));
+        }
+        moved += usize::from(error.norm() < 0.9 * DVector::from_column_slice(&v).norm());
+        // Of the joint velocities with this error the one nearest to the desired one.
+        let mut gradient = vec![0.0; n];
+        h.gradient(&q, &mut gradient);
+        let wish: Vec<f64> = gradient.iter().map(|g| 3.0 * g).collect();
+        let done = &j * DVector::from_column_slice(&qd);
+        if let Some(best) = clarabel(&DMatrix::identity(n, n), &wish, &j, done.as_slice(), &bounds) {
+            let far = |x: &[f64]| x.iter().zip(&wish).map(|(x, w)| (x + w).powi(2)).sum::<f64>();
+            assert!(far(&qd) < far(&best) + 1e-6, "{run} {} {}", far(&qd), far(&best));
+        }
+        assert_eq!(allocations::count(|| closest.step(&input, &mut qd).unwrap()), 0);
+    }
+    assert!(blocked > 30 && moved > 10, "{blocked} {moved}");
+}
+
+/// A random problem: an arm with limits, three to five levels, velocities and a wish.
+struct Problem {
+    arm: Chain,
+    tasks: Vec<PriorityTask>,
+    velocities: Vec<Vec<f64>>,
+    q: Vec<f64>,
+    before: Vec<f64>,
+    wish: Vec<f64>,
+    dt: f64,
+}
+
+fn problem(rng: &mut ChaCha8Rng, run: usize) -> Problem {
+    let arm = match run % 4 {
+        0 => catalog::load("iiwa14").unwrap(),
+        1 | 2 => catalog::load("dexter").unwrap(),
+        _ => long_arm(),
+    };
+    let n = arm.dof();
+    let q = random_q(rng, &arm);
+    let arm = narrowed(rng, &arm, &q);
+    let dt = [0.002, 0.01][run % 2];
+    let before: Vec<f64> =
+        arm.joints().iter().map(|j| rng.random_range(-0.3..0.3) * j.limits.velocity).collect();
+    let (mut tasks, mut velocities) = (Vec::new(), Vec::new());
+    let mut stacked = DMatrix::zeros(0, n);
+    let speed = [0.1, 0.5, 2.0][run % 3];
+    for level in 0..4 {
+        let link = if level == 0 { None } else { Some(rng.random_range(0..arm.links().len())) };
+        if rng.random_range(0..4) == 0 {
+            let mut any = || std::array::from_fn(|_| rng.random_range(-0.7..0.7));
+            let (a, b): ([f64; 3], [f64; 3]) = (any(), any());
+            let task = match level % 2 {
+                0 => PriorityTask::half_space(link, a, b),
+                _ => PriorityTask::cone(link, a, b, rng.random_range(0.1..2.0)),
+            };
+            tasks.push(task.unwrap());
+            velocities.push(Vec::new());
+            continue;
+        }
+        let task = if rng.random_range(0..2) == 0 { Task::PLANAR } else { Task::POSITION };
+        let task = if level == 0 && n > 7 && rng.random_range(0..2) == 0 { Task::POSE } else { task };
+        // Of full rank beside those above, so that clarabel's equations can be met.
+        let of = JacobianOf { link, ..JacobianOf::default() };
+        let rows = arm.jacobian_of(&q, &of).unwrap().rows(0, task.dim()).into_owned();
+        let mut both = stacked.clone().resize_vertically(stacked.nrows() + task.dim(), 0.0);
+        both.rows_mut(stacked.nrows(), task.dim()).copy_from(&rows);
+        if both.nrows() > n || both.clone().singular_values().min() < 0.02 {
+            continue;
+        }
+        stacked = both;
+        tasks.push(PriorityTask::Motion { task, link });
+        if run % 5 == 0 {
+            velocities.push((0..task.dim()).map(|_| speed * rng.random_range(-1.0..1.0)).collect());
+            continue;
+        }
+        // Near a multiple of what the arm does already, so that acceleration limits leave a scale.
+        let near = DVector::from_fn(n, |i, _| {
+            before[i] + rng.random_range(-0.5..0.5) * dt * arm.joints()[i].limits.acceleration
+        });
+        velocities.push(([1.0, 1.5, 4.0][run % 3] * rows * near).as_slice().to_vec());
+    }
+    if tasks.is_empty() {
+        tasks.push(PriorityTask::Motion { task: Task::POSITION, link: None });
+        velocities.push(vec![0.1, -0.2, 0.3]);
+    }
+    let wish = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
+    Problem { arm, tasks, velocities, q, before, wish, dt }
+}
+
+impl Problem {
+    /// Rows of a level, and of an inequality its bound, from the public Jacobian.
+    fn rows(&self, level: usize) -> (DMatrix<f64>, f64) {
+        let task = self.tasks[level];
+        let of = JacobianOf { link: task.link(), ..JacobianOf::default() };
+        let j = self.arm.jacobian_of(&self.q, &of).unwrap();
+        let pose = match task.link() {
+            None => self.arm.forward(&self.q).unwrap(),
+            Some(link) => self.arm.forward_link(&self.q, link).unwrap(),
+        };
+        let (row, room) = match task {
+            PriorityTask::Motion { task, .. } => return (j.rows(0, task.dim()).into_owned(), 0.0),
+            PriorityTask::HalfSpace { point, normal, .. } => {
+                (normal.transpose() * j.rows(0, 3), normal.dot(&(pose.translation.vector - point)))
+            }
+            PriorityTask::Cone { axis, direction, half_angle, .. } => {
+                let carried = pose.rotation * axis.into_inner();
+                let direction = direction.into_inner();
+                let cross = carried.cross(&direction).normalize();
+                (cross.transpose() * j.rows(3, 3), half_angle - carried.angle(&direction))
+            }
+        };
+        let braking: f64 =
+            row.iter().zip(self.arm.joints()).map(|(g, joint)| g.abs() * joint.limits.acceleration).sum();
+        let speed = 5.0 * room;
+        let speed = if room > 0.0 { speed.min((2.0 * braking * room).sqrt()) } else { speed };
+        (DMatrix::from_row_slice(1, self.q.len(), row.as_slice()), -speed)
+    }
+
+    /// By clarabel: the joint velocity and the added unknown `x` with the least `x P x / 2 + c x`, where the levels before
+    /// `level` have what `done` says; `row` is one more equation, `free` the bounds of the added unknown.
+    fn solve(
+        &self,
+        done: &[(DMatrix<f64>, Vec<f64>, bool)],
+        quadratic: bool,
+        last: Option<(&DMatrix<f64>, &[f64], f64, f64, f64)>,
+    ) -> Option<Vec<f64>> {
+        let n = self.q.len();
+        let limits: Vec<Limits> = self.arm.joints().iter().map(|j| j.limits).collect();
+        let mut bounds: Vec<(f64, f64)> =
+            (0..n).map(|i| stated_bounds(&limits[i], self.q[i], Some(self.before[i]), self.dt)).collect();
+        let extra = done.iter().filter(|d| d.2).count() + usize::from(last.is_some());
+        let (mut rows, mut right): (Vec<DVector<f64>>, Vec<f64>) = (Vec::new(), Vec::new());
+        let mut column = n;
+        for (j, value, inequality) in done {
+            for i in 0..j.nrows() {
+                let mut row = DVector::zeros(n + extra);
+                row.rows_mut(0, n).copy_from(&j.row(i).transpose());
+                if *inequality {
+                    row[column] = -1.0;
+                    column += 1;
+                    bounds.push((value[i], f64::INFINITY));
+                    right.push(0.0);
+                } else {
+                    right.push(value[i]);
+                }
+                rows.push(row);
+            }
+        }
+        // Where limits exclude each other one velocity is left: an equation, for a method that needs an inside.
+        for (i, bound) in bounds.iter_mut().enumerate().take(n).filter(|(_, (low, high))| high - low < 1e-9) {
+            let mut row = DVector::zeros(n + extra);
+            row[i] = 1.0;
+            rows.push(row);
+            right.push(bound.0);
+            *bound = (f64::NEG_INFINITY, f64::INFINITY);
+        }
+        let (mut p, mut c) = (DMatrix::zeros(n + extra, n + extra), vec![0.0; n + extra]);
+        if let Some((j, v, low, high, sign)) = last {
+            for i in 0..j.nrows() {
+                let mut row = DVector::zeros(n + extra);
+                row.rows_mut(0, n).copy_from(&j.row(i).transpose());
+                row[column] = -v[i];
+                rows.push(row);
+                right.push(0.0);
+            }
+            bounds.push((low, high));
+            c[column] = sign;
+        }
+        if quadratic {
+            for i in 0..n {
+                p[(i, i)] = 1.0;
+                c[i] = -self.wish[i];
+            }
+        }
+        let a = DMatrix::from_fn(rows.len(), n + extra, |i, k| rows[i][k]);
+        clarabel(&p, &c, &a, &right, &bounds)
+    }
+}
+
+/// The same sequence of problems by clarabel.
+#[test]
+fn priorities_are_those_of_a_sequence_of_problems() {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let (mut worst_scale, mut worst_qd, mut worst_excess) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut levels, mut reduced, mut none, mut failed, mut compared) = (0, 0, 0, 0, 0);
+    for run in 0..amount(200, 5000) {
+        let problem = problem(&mut rng, run);
+        let n = problem.q.len();
+        let mut scheme = PrioritizedNullspace::new(&problem.arm, &problem.tasks, None, 1.0).unwrap();
+        let input = StepInput {
+            q: &problem.q,
+            velocity: &[],
+            dt: Some(problem.dt),
+            qd: Some(&problem.before),
+            wish: Some(&problem.wish),
+        };
+        let velocities: Vec<&[f64]> = problem.velocities.iter().map(Vec::as_slice).collect();
+        let mut qd = vec![0.0; n];
+        scheme.step(&input, &velocities, &mut qd).unwrap();
+        let (scales, residuals) = (scheme.scales().to_vec(), scheme.residuals().to_vec());
+        assert_eq!(allocations::count(|| scheme.step(&input, &velocities, &mut qd).unwrap()), 0);
+        for (i, joint) in problem.arm.joints().iter().enumerate() {
+            let (low, high) = stated_bounds(&joint.limits, problem.q[i], Some(problem.before[i]), problem.dt);
+            assert!(qd[i] >= low - 1e-12 && qd[i] <= high + 1e-12, "{run} joint {i}");
+        }
+        let moving = DVector::from_column_slice(&qd);
+        // What is above is fixed a little below what it has: an interior is left for clarabel.
+        let slack = 1e-8;
+        let mut done: Vec<(DMatrix<f64>, Vec<f64>, bool)> = Vec::new();
+        let mut whole = true;
+        for (level, v) in problem.velocities.iter().enumerate() {
+            let (j, bound) = problem.rows(level);
+            levels += 1;
+            reduced += usize::from(scales[level] < 1.0);
+            if v.is_empty() {
+                let value = (&j * &moving)[0];
+                let best = problem.solve(&done, false, Some((&j, &[1.0], -50.0, bound, -1.0)));
+                // At most the bound is asked for; what there is beyond it does not count.
+                if let Some(best) = best {
+                    let most = best.last().copied().unwrap();
+                    worst_scale = worst_scale.max((most - value.min(bound)).abs());
+                } else if (problem.solve(&done, false, None)).is_some() {
+                    // The bound is lower than all that is possible.
+                    assert!(value >= bound);
+                }
+                done.push((j, vec![value.min(bound) - slack], true));
+                continue;
+            }
+            match problem.solve(&done, false, Some((&j, v, 0.0, 1.0, -1.0))) {
+                Some(best) => {
+                    let error = (best.last().copied().unwrap() - scales[level]).abs();
+                    worst_scale = worst_scale.max(error);
+                    assert!(error < 1e-6, "{run} level {level}: {error} {:?}", problem.tasks);
+                    assert!(residuals[level] < 1e-9, "{run} {}", residuals[level]);
+                    done.push((j, v.iter().map(|v| (1.0 - slack) * scales[level] * v).collect(), false));
+                }
+                None => {
+                    // No scale at all: limits and the levels above allow only an error, with a scale of 0; or limits that
+                    // hold the levels above left too few directions, and the task is met by least squares, which its
+                    // residual tells. Otherwise clarabel did not arrive: the step meets all that is above and this task.
+                    if scales[level] == 0.0 || residuals[level] > 1e-9 {
+                        none += 1;
+                    } else {
+                        failed += 1;
+                    }
+                    whole = false;
+                    break;
+                }
+            }
+        }
+        if !whole {
+            continue;
+        }
+        if let Some(best) = problem.solve(&done, true, None) {
+            compared += 1;
+            let far =
+                |x: &[f64]| x.iter().zip(&problem.wish).map(|(x, w)| (x - w).powi(2)).sum::<f64>().sqrt();
+            worst_excess = worst_excess.max(far(&qd) - far(&best[..n]));
+            let apart = qd.iter().zip(&best).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            worst_qd = worst_qd.max(apart);
+            assert!(far(&qd) - far(&best[..n]) < 1e-6, "{run} {} {apart}", far(&qd) - far(&best[..n]));
+        }
+    }
+    println!(
+        "{levels} levels, {reduced} reduced, {none} without a scale, {failed} not solved by clarabel, {compared} compared: \
+         scale {worst_scale:.1e}, distance {worst_excess:.1e}, qd {worst_qd:.1e}"
+    );
+    assert!(failed < levels / 50, "{failed} of {levels}");
+    assert!(reduced > levels / 10 && compared > levels / 8, "{levels} {reduced} {none} {compared}");
+    assert!(worst_scale < 1e-6 && worst_qd < 1e-5, "{worst_scale} {worst_qd}");
+}
+
+#[test]
+fn below_a_full_pose_the_elbow_moves_as_nearly_as_it_can() {
+    let arm = catalog::load("iiwa14").unwrap();
+    let elbow = arm.link_index("link_4").unwrap();
+    let tasks = [
+        PriorityTask::Motion { task: Task::POSE, link: None },
+        PriorityTask::Motion { task: Task::POSITION, link: Some(elbow) },
+    ];
+    let mut scheme = PrioritizedNullspace::new(&arm, &tasks, None, 1.0).unwrap();
+    let q = [0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4];
+    let input = StepInput { q: &q, velocity: &[], dt: Some(0.01), qd: None, wish: None };
+    let (hand, wanted) = ([0.05, 0.0, -0.02, 0.0, 0.1, 0.0], [0.02, 0.1, 0.0]);
+    let mut qd = [0.0; 7];
+    let report = scheme.step(&input, &[&hand, &wanted], &mut qd).unwrap();
+    assert_eq!((report.status, scheme.scales()), (Status::Singular, &[1.0, 1.0][..]));
+    let j = arm.jacobian_of(&q, &JacobianOf::default()).unwrap();
+    let of = JacobianOf { link: Some(elbow), ..JacobianOf::default() };
+    let e = arm.jacobian_of(&q, &of).unwrap().rows(0, 3).into_owned();
+    assert!((&j * DVector::from_column_slice(&qd) - DVector::from_column_slice(&hand)).amax() < 1e-12);
+    // Least squares over the one freedom that is left.
+    let pseudo = DMatrix::from_column_slice(6, 7, j.as_slice()).pseudo_inverse(1e-12).unwrap();
+    let least = &pseudo * DVector::from_column_slice(&hand);
+    let projector = DMatrix::identity(7, 7) - &pseudo * DMatrix::from_column_slice(6, 7, j.as_slice());
+    let free = projector.column(projector.diagonal().imax()).normalize();
+    let moved = &e * &free;
+    let missing = DVector::from_column_slice(&wanted) - &e * &least;
+    let expected = &least + &free * (moved.dot(&missing) / moved.norm_squared());
+    assert!((DVector::from_column_slice(&qd) - expected).amax() < 1e-10);
+    let missing = (&e * DVector::from_column_slice(&qd) - DVector::from_column_slice(&wanted)).norm();
+    assert!((scheme.residuals()[1] - missing).abs() < 1e-12 && missing > 1e-3);
+}
+
+/// A cone and a half-space at the top are kept over a run that pushes against them.
+#[test]
+fn inequalities_at_the_top_are_never_crossed() {
+    let arm = catalog::load("iiwa14").unwrap();
+    let mut q = vec![0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4];
+    let tool = arm.forward(&q).unwrap();
+    let wall = tool.translation.vector + Vector3::new(0.1, 0.0, 0.0);
+    let up = tool.rotation * Vector3::z();
+    let tasks = [
+        PriorityTask::half_space(None, wall.into(), [-1.0, 0.0, 0.0]).unwrap(),
+        PriorityTask::cone(None, [0.0, 0.0, 1.0], up.into(), 0.2).unwrap(),
+        PriorityTask::Motion { task: Task::POSE, link: None },
+    ];
+    let mut scheme = PrioritizedNullspace::new(&arm, &tasks, None, 1.0).unwrap();
+    let (mut qd, mut before) = (vec![0.0; 7], vec![0.0; 7]);
+    let (mut nearest, mut widest) = (f64::INFINITY, 0.0_f64);
+    for _ in 0..300 {
+        let input = StepInput { q: &q, velocity: &[], dt: Some(0.01), qd: Some(&before), wish: None };
+        scheme.step(&input, &[&[], &[], &[0.1, 0.0, 0.05, 0.2, 0.1, 0.0]], &mut qd).unwrap();
+        assert_eq!(&scheme.scales()[..2], &[1.0, 1.0]);
+        q.iter_mut().zip(&qd).for_each(|(q, qd)| *q += 0.01 * qd);
+        before.copy_from_slice(&qd);
+        let pose = arm.forward(&q).unwrap();
+        nearest = nearest.min(wall.x - pose.translation.vector.x);
+        widest = widest.max((pose.rotation * Vector3::z()).angle(&up));
+    }
+    assert!(nearest > -1e-4 && nearest < 0.01, "{nearest}");
+    assert!(widest < 0.2 + 1e-3 && widest > 0.15, "{widest}");
+}
+
+#[test]
+fn what_is_wrong_with_priorities_is_named() {
+    let arm = catalog::load("iiwa14").unwrap();
+    let message =
+        |tasks: &[PriorityTask]| PrioritizedNullspace::new(&arm, tasks, None, 1.0).unwrap_err().to_string();
+    assert!(message(&[]).contains("at least one"));
+    let far = PriorityTask::Motion { task: Task::POSE, link: Some(99) };
+    assert!(message(&[far]).contains("link index"));
+    assert!(PriorityTask::half_space(None, [0.0; 3], [0.0; 3]).is_err());
+    assert!(PriorityTask::cone(None, [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 0.0).is_err());
+    let one = PriorityTask::Motion { task: Task::POSITION, link: None };
+    let mut scheme = PrioritizedNullspace::new(&arm, &[one], None, 1.0).unwrap();
+    let q = [0.1; 7];
+    let input = StepInput { q: &q, velocity: &[], dt: Some(0.01), qd: None, wish: None };
+    let mut qd = [0.0; 7];
+    assert!(scheme.step(&input, &[], &mut qd).unwrap_err().to_string().contains("task velocities"));
+    assert!(scheme.step(&input, &[&[0.0; 2]], &mut qd).is_err());
+    let late = StepInput { dt: None, ..input };
+    assert!(scheme.step(&late, &[&[0.0; 3]], &mut qd).unwrap_err().to_string().contains("dt"));
+}
+
+/// Of a task's velocity along a motion, by central differences of `J qd`.
+fn differenced(arm: &Chain, task: &Task, q: &[f64], qd: &[f64], qdd: &[f64]) -> DVector<f64> {
+    let h = 1e-5;
+    let at = |t: f64| {
+        let place: Vec<f64> = (0..q.len()).map(|i| q[i] + t * qd[i] + 0.5 * t * t * qdd[i]).collect();
+        let speed: Vec<f64> = (0..q.len()).map(|i| qd[i] + t * qdd[i]).collect();
+        let mut scratch = Scratch::new(arm);
+        let kinematics = arm.kinematics(&place, &mut scratch).unwrap();
+        let twist = kinematics.jacobian() * DVector::from_column_slice(&speed);
+        let pose = *kinematics.pose();
+        // The coordinates of `pointing` belong to the pose at t = 0.
+        let pose = if task.kind() == TaskKind::Pointing { arm.forward(q).unwrap() } else { pose };
+        let out = task.from_twist(&pose, &Vector6::from_column_slice(twist.as_slice()));
+        DVector::from_column_slice(&out.as_slice()[..task.dim()])
+    };
+    (at(h) - at(-h)) / (2.0 * h)
+}
+
+#[test]
+fn accelerations_meet_the_task_for_every_inverse() {
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let mut worst = 0.0_f64;
+    for name in ["dexter", "iiwa14"] {
+        let arm = catalog::load(name).unwrap();
+        let n = arm.dof();
+        let h: Arc<dyn Criterion> = Arc::new(JointRange::new(&arm));
+        for task in [Task::POSE, Task::POSE_RPY, Task::POSITION, Task::POINTING, Task::PLANAR_POSE] {
+            let make = || {
+                let scheme = ProjectedGradient::new(
+                    &arm,
+                    Some(h.clone()),
+                    Gain::Constant(5.0),
+                    task,
+                    Some(Damping::default()),
+                );
+                scheme.unwrap().at_acceleration_level(10.0).unwrap()
+            };
+            let reduced = ReducedGradient::new(
+                &arm,
+                Some(h.clone()),
+                Gain::Constant(5.0),
+                task,
+                Some(Damping::default()),
+                None,
+            );
+            let weights: Vec<f64> = (0..n).map(|_| rng.random_range(0.2..5.0)).collect();
+            let mut schemes: Vec<Box<dyn Resolver>> = vec![
+                make().boxed(),
+                make().with_metric(Metric::Weights(weights)).unwrap().boxed(),
+                reduced.unwrap().at_acceleration_level(10.0).unwrap().boxed(),
+            ];
+            if arm.inertias().is_some() {
+                schemes.push(make().with_metric(Metric::Inertia).unwrap().boxed());
+            }
+            for _ in 0..20 {
+                let q = random_q(&mut rng, &arm);
+                if sigma_min(&arm, &task, &q).unwrap() < 0.15 {
+                    continue;
+                }
+                let qd: Vec<f64> = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
+                let a: Vec<f64> = (0..task.velocity_len()).map(|_| rng.random_range(-1.0..1.0)).collect();
+                let asked = task.velocity(&arm.forward(&q).unwrap(), &a).unwrap();
+                let mut scratch = Scratch::new(&arm);
+                let kinematics = arm.kinematics(&q, &mut scratch).unwrap();
+                let product = task.velocity_product(&kinematics, &qd);
+                let j = task_jacobian(&arm, &task, &q);
+                for scheme in &mut schemes {
+                    let mut qdd = vec![0.0; n];
+                    let input = AccelerationInput { q: &q, qd: &qd, acceleration: &a, dt: None, wish: None };
+                    let report = scheme.step_acceleration(&input, &mut qdd).unwrap();
+                    if report.status != Status::Converged {
+                        continue;
+                    }
+                    let met = &j * DVector::from_column_slice(&qdd);
+                    for i in 0..task.dim() {
+                        let size = 1.0 + met[i].abs() + product[i].abs();
+                        worst = worst.max((met[i] + product[i] - asked[i]).abs() / size);
+                    }
+                    let seen = differenced(&arm, &task, &q, &qd, &qdd);
+                    for i in 0..task.dim() {
+                        let error = (seen[i] - asked[i]).abs();
+                        assert!(error < 1e-5 * (1.0 + seen.amax() + product.amax()), "{name} {task} {error}");
+                    }
+                    assert_eq!(allocations::count(|| scheme.step_acceleration(&input, &mut qdd).unwrap()), 0);
+                }
+            }
+        }
+    }
+    assert!(worst < 1e-12, "{worst}");
+}
+
+#[test]
+fn inverses_are_least_in_their_metric() {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let arm = catalog::load("iiwa14").unwrap();
+    let h: Arc<dyn Criterion> = Arc::new(Posture::new(&[0.1; 7]).unwrap());
+    let weights: Vec<f64> = (0..7).map(|_| rng.random_range(0.2..5.0)).collect();
+    let (mut scratch, mut derivatives) = (DynamicsScratch::new(&arm), TorqueDerivatives::new(7));
+    for metric in [Metric::Weights(weights.clone()), Metric::Inertia] {
+        let make = || {
+            ProjectedGradient::new(&arm, Some(h.clone()), Gain::Constant(2.0), Task::POSE, None)
+                .unwrap()
+                .with_metric(metric.clone())
+                .unwrap()
+        };
+        let (mut velocity, mut acceleration) = (make(), make().at_acceleration_level(4.0).unwrap());
+        for _ in 0..30 {
+            let q = random_q(&mut rng, &arm);
+            if sigma_min(&arm, &Task::POSE, &q).unwrap() < 0.1 {
+                continue;
+            }
+            let zero = [0.0; 7];
+            arm.inverse_dynamics_derivatives(
+                &q,
+                &zero,
+                &zero,
+                &Vector3::zeros(),
+                &mut scratch,
+                &mut derivatives,
+            )
+            .unwrap();
+            let w = match &metric {
+                Metric::Inertia => derivatives.qdd.clone(),
+                _ => DMatrix::from_diagonal(&DVector::from_column_slice(&weights)),
+            };
+            let j = task_jacobian(&arm, &Task::POSE, &q);
+            let inverse = w.clone().try_inverse().unwrap();
+            let consistent =
+                &inverse * j.transpose() * (&j * &inverse * j.transpose()).try_inverse().unwrap();
+            let eta = DVector::from_fn(7, |i, _| 2.0 * (0.1 - q[i]));
+            let v = DVector::from_fn(6, |_, _| rng.random_range(-1.0..1.0));
+            let mut qd = vec![0.0; 7];
+            let input = StepInput { q: &q, velocity: v.as_slice(), dt: None, qd: None, wish: None };
+            velocity.step(&input, &mut qd).unwrap();
+            let expected = &eta + &consistent * (&v - &j * &eta);
+            let size = 1.0 + expected.amax();
+            assert!((DVector::from_column_slice(&qd) - expected).amax() < 1e-10 * size, "{metric:?}");
+            // At acceleration level, from the joint velocity that the velocity level has.
+            let mut kinematic = Scratch::new(&arm);
+            let product = Task::POSE.velocity_product(&arm.kinematics(&q, &mut kinematic).unwrap(), &qd);
+            let eta = (&eta - DVector::from_column_slice(&qd)) * 4.0;
+            let b = &v - DVector::from_column_slice(product.as_slice());
+            let expected = &eta + &consistent * (&b - &j * &eta);
+            let input =
+                AccelerationInput { q: &q, qd: &qd, acceleration: v.as_slice(), dt: None, wish: None };
+            let mut qdd = vec![0.0; 7];
+            acceleration.step_acceleration(&input, &mut qdd).unwrap();
+            let size = 1.0 + expected.amax();
+            assert!((DVector::from_column_slice(&qdd) - expected).amax() < 1e-10 * size);
+        }
+        let still = [0.0; 7];
+        let input = StepInput { q: &still, velocity: &[0.0; 6], dt: None, qd: None, wish: None };
+        let refused = acceleration.step(&input, &mut [0.0; 7]).unwrap_err().to_string();
+        assert!(refused.contains("step_acceleration"), "{refused}");
+        let input =
+            AccelerationInput { q: &still, qd: &still, acceleration: &[0.0; 6], dt: None, wish: None };
+        assert!(velocity.step_acceleration(&input, &mut [0.0; 7]).is_err());
+    }
+    let wrong = ProjectedGradient::new(&arm, None, Gain::Constant(0.0), Task::POSE, None).unwrap();
+    assert!(wrong.clone().with_metric(Metric::Weights(vec![0.0; 7])).is_err());
+    assert!(wrong.at_acceleration_level(0.0).is_err());
+}
