@@ -191,7 +191,7 @@ def test_exceptions_of_own_criteria_are_raised(iiwa: rd.Chain) -> None:
         moody.value(Q)
     flag[0] = False
     assert moody.value(Q) == 1.0
-    with pytest.raises(rd.RedundancyError, match="nan"):
+    with pytest.raises(rd.RedundancyError, match="NaN"):
         rd.CustomCriterion(lambda q: float("nan")).value(Q)
     with pytest.raises(rd.RedundancyError, match="gradient of the CustomCriterion"):
         rd.CustomCriterion(lambda q: 0.0, lambda q: [0.0]).gradient(Q)

@@ -479,7 +479,7 @@ pub const BASIS_PROGRESS: f64 = 0.99;
 /// Violation of a velocity bound (rad/s, relative to 1 + the velocity) that is rounding. The result is clamped.
 pub const BOX_VIOLATION: f64 = 1e-12;
 
-/// Squared share of a row that is left beside the active ones below which it depends on them: rounding leaves 1e-32.
+/// Square, relative to the longest row, of what the active rows leave of one below which it depends on them: rounding is 1e-32.
 pub const BOX_INDEPENDENT: f64 = 1e-22;
 
 /// Ratio of the smallest to the largest singular value of a task Jacobian below which a configuration is a kinematic

@@ -5,6 +5,7 @@ use std::ops::Range;
 use pyo3::prelude::*;
 use redundancy_core::parallel::Pool;
 
+use crate::callback::Watching;
 use crate::convert::Threads;
 use crate::error::to_py;
 
@@ -17,12 +18,26 @@ pub fn in_blocks<T: Into<Threads>>(
     n: usize,
     block: usize,
     threads: Option<T>,
+    work: impl FnMut(Range<usize>) -> redundancy_core::Result<()> + Send,
+) -> PyResult<()> {
+    in_blocks_watching(py, n, block, threads, &Watching::new(&[]), work)
+}
+
+/// As [`in_blocks`], where `work` evaluates functions of the user's, and ends with what they raise.
+pub fn in_blocks_watching<T: Into<Threads>>(
+    py: Python<'_>,
+    n: usize,
+    block: usize,
+    threads: Option<T>,
+    watching: &Watching,
     mut work: impl FnMut(Range<usize>) -> redundancy_core::Result<()> + Send,
 ) -> PyResult<()> {
     let pool = pool(threads)?;
     for start in (0..n).step_by(block.max(1)) {
         let range = start..n.min(start + block);
-        py.detach(|| pool.install(|| work(range))).map_err(to_py)?;
+        let done = watching.detach(py, || pool.install(|| work(range)));
+        watching.check(py)?;
+        done.map_err(to_py)?;
         py.check_signals()?;
     }
     Ok(())

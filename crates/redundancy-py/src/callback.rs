@@ -4,6 +4,7 @@
 //! call sees zeros without calling Python again, and the binding raises the exception when the core returns.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -18,6 +19,9 @@ use crate::convert::read_vector;
 use crate::criterion::{PyCriterion, partial};
 use crate::error::to_py;
 use crate::plan::read_chain;
+
+/// How often a call that runs functions of the user's on other threads looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Exceptions of one function.
 #[derive(Debug, Default)]
@@ -79,6 +83,36 @@ impl Watching {
     /// Of a criterion, if there is one.
     pub fn criterion(criterion: Option<&PyCriterion>) -> Self {
         Self::new(criterion.map_or(&[], |criterion| &criterion.failures))
+    }
+
+    /// Calls `work` without the GIL. Functions of the user's may then run on threads to which Python delivers no signals, so
+    /// this thread looks for Ctrl-C beside them; it counts as an exception of the functions.
+    pub fn detach<T: Send>(&self, py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
+        if self.failures.is_empty() {
+            return py.detach(work);
+        }
+        let done = py.detach(|| {
+            std::thread::scope(|scope| {
+                let caller = std::thread::current();
+                let running = scope.spawn(move || {
+                    let done = work();
+                    caller.unpark();
+                    done
+                });
+                while !running.is_finished() {
+                    std::thread::park_timeout(LOOK);
+                    Python::attach(|py| {
+                        if let Err(error) = py.check_signals() {
+                            self.failures
+                                .iter()
+                                .for_each(|(failures, _)| failures.note(py, error.clone_ref(py)));
+                        }
+                    });
+                }
+                running.join()
+            })
+        });
+        done.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 
     /// Raises what a function has raised since the beginning.

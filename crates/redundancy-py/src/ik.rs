@@ -15,7 +15,7 @@ use redundancy_core::nalgebra::Vector3;
 use redundancy_core::rotation::unit_direction;
 use redundancy_core::{Error, Status};
 
-use crate::batch::in_blocks;
+use crate::batch::in_blocks_watching;
 use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{Fresh, Given, read_array, read_pose, read_rows, read_vector};
@@ -256,7 +256,7 @@ impl PyIkSolver {
             let proven = proven.memory()?;
             let data = targets.as_slice()?;
             let watching = self.watching();
-            let done = in_blocks(py, rows, SOLVER_BLOCK, threads, |r| {
+            in_blocks_watching(py, rows, SOLVER_BLOCK, threads, &watching, |r| {
                 let start = start.map(|q0| if single { q0 } else { &q0[r.start * n..r.end * n] });
                 let mut out = IkBatch {
                     q: &mut q[r.start * n..r.end * n],
@@ -267,9 +267,7 @@ impl PyIkSolver {
                     proven: &mut proven[r.clone()],
                 };
                 self.solver.solve_batch(&data[r.start * 16..r.end * 16], start, seed, &mut out)
-            });
-            watching.check(py)?;
-            done?;
+            })?;
         }
         Ok(PyIkBatch {
             q: q.finish().unbind(),

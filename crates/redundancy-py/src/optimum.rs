@@ -14,7 +14,7 @@ use redundancy_core::optimum::{
 use redundancy_core::path::Plan;
 use redundancy_core::{Pose, Status};
 
-use crate::batch::in_blocks;
+use crate::batch::in_blocks_watching;
 use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{Given, read_rows, read_vector, to_array};
@@ -296,7 +296,8 @@ pub fn py_constrained_optima(
     let default = OptimaSettings::default();
     let settings =
         OptimaSettings { seed, starts: starts.unwrap_or(default.starts), step: step.unwrap_or(default.step) };
-    let points = py.detach(|| constrained_optima(&chain, &target, criterion.as_ref(), task, &settings));
+    let points =
+        watching.detach(py, || constrained_optima(&chain, &target, criterion.as_ref(), task, &settings));
     watching.check(py)?;
     let points = points.map_err(to_py)?;
     Ok(points.into_iter().map(|point| PyCriticalPoint { point }).collect())
@@ -522,7 +523,7 @@ pub fn py_follow_optimum<'py>(
     let criterion = criterion.get().criterion.clone();
     let q0 = read_vector(q0, "q0", Some(chain.dof()))?;
     let (task, settings) = (task_or_pose(task)?, follow_settings(step));
-    let done = py.detach(|| {
+    let done = watching.detach(py, || {
         let followed = follow_optimum(chain, path, &q0, criterion.as_ref(), task, &settings)?;
         let plan = followed.plan(chain, path)?;
         Ok((followed, plan))
@@ -662,19 +663,15 @@ pub fn py_rank_starts<'py>(
     let optima = OptimaSettings { seed, starts: starts.unwrap_or(default.starts), ..default };
     let h = criterion.as_ref();
     let (mut points, mut ranked) = (Vec::new(), Vec::new());
-    let done = in_blocks(py, 1, 1, threads, |_| {
+    in_blocks_watching(py, 1, 1, threads, &watching, |_| {
         points = constrained_optima(chain, &path.poses()[0], h, task, &optima)?;
         // Says what is wrong with the other arguments where there is no point to follow.
         follow_starts(chain, path, h, task, Vec::new(), &settings).map(drop)
-    });
-    watching.check(py)?;
-    done?;
-    let done = in_blocks(py, points.len(), FOLLOW_BLOCK, threads, |r| {
+    })?;
+    in_blocks_watching(py, points.len(), FOLLOW_BLOCK, threads, &watching, |r| {
         ranked.extend(follow_starts(chain, path, h, task, points[r].to_vec(), &settings)?);
         Ok(())
-    });
-    watching.check(py)?;
-    done?;
+    })?;
     sort_starts(&mut ranked, h.sense());
     let mut plans = Vec::with_capacity(ranked.len());
     for start in ranked {
@@ -776,8 +773,13 @@ fn singularity_settings(seed: u64, starts: Option<usize>) -> SingularitySettings
 }
 
 /// The whole search, with a look for Ctrl-C between pieces.
-fn run_search(py: Python<'_>, search: &mut SingularitySearch<'_>, threads: Option<usize>) -> PyResult<()> {
-    in_blocks(py, search.starts(), SEARCH_BLOCK, threads, |r| {
+fn run_search(
+    py: Python<'_>,
+    search: &mut SingularitySearch<'_>,
+    threads: Option<usize>,
+    watching: &Watching,
+) -> PyResult<()> {
+    in_blocks_watching(py, search.starts(), SEARCH_BLOCK, threads, watching, |r| {
         search.run(r.len());
         Ok(())
     })
@@ -824,9 +826,7 @@ pub fn py_algorithmic_singularities(
     let task = task_or_pose(task)?;
     let settings = singularity_settings(seed, starts);
     let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
-    let done = run_search(py, &mut search, threads);
-    watching.check(py)?;
-    done?;
+    run_search(py, &mut search, threads, &watching)?;
     Ok(search.finish().into_iter().map(|point| PySingularPoint { point }).collect())
 }
 
@@ -931,16 +931,12 @@ pub fn py_singularity_curves(
     let settings = singularity_settings(seed, starts);
     let mut search = SingularitySearch::new(chain, criterion.as_ref(), task, &settings).map_err(to_py)?;
     search.check_curves(step).map_err(to_py)?;
-    let done = run_search(py, &mut search, threads);
-    watching.check(py)?;
-    done?;
+    run_search(py, &mut search, threads, &watching)?;
     let mut tracer = search.tracer(step).map_err(to_py)?;
-    let done = in_blocks(py, tracer.starts(), 1, threads, |r| {
+    in_blocks_watching(py, tracer.starts(), 1, threads, &watching, |r| {
         tracer.run(r.len());
         Ok(())
-    });
-    watching.check(py)?;
-    done?;
+    })?;
     let curves = tracer.finish();
     Ok(curves.into_iter().map(|curve| PySingularityCurve { curve, n: chain.dof() }).collect())
 }

@@ -10,7 +10,7 @@ use redundancy_core::rotation::to_wxyz;
 use redundancy_core::solutions::{Chart, Choice, ClosedForm, SelfMotion, SrsArm, Swivel};
 use redundancy_core::{Error, Pose};
 
-use crate::batch::in_blocks;
+use crate::batch::{in_blocks, in_blocks_watching};
 use crate::callback::Watching;
 use crate::chain::PyChain;
 use crate::convert::{
@@ -265,12 +265,10 @@ impl PySrsArm {
         let criterion = &*criterion.get().criterion;
         let mut rows = Vec::with_capacity(poses.len());
         let data = poses.as_slice()?;
-        let done = in_blocks(py, poses.len(), SEARCH_BLOCK, threads, |r| {
+        in_blocks_watching(py, poses.len(), SEARCH_BLOCK, threads, &watching, |r| {
             rows.extend(self.arm.best_batch(&data[r.start * 16..r.end * 16], criterion)?);
             Ok(())
-        });
-        watching.check(py)?;
-        done?;
+        })?;
         PyChoiceBatch::new(py, &rows)
     }
 
@@ -770,7 +768,7 @@ impl PySelfMotion {
     fn best(&self, py: Python<'_>, criterion: Given<'_, PyCriterion>) -> PyResult<PyChoice> {
         let watching = Watching::criterion(Some(criterion.get()));
         let criterion = &*criterion.get().criterion;
-        let choice = py.detach(|| self.motion.best(criterion));
+        let choice = watching.detach(py, || self.motion.best(criterion));
         watching.check(py)?;
         let choice = choice.map_err(to_py)?;
         Ok(PyChoice { choice, motion: self.motion.clone() })

@@ -92,7 +92,7 @@ impl PySolutions {
     fn best(&self, py: Python<'_>, criterion: Given<'_, PyCriterion>) -> PyResult<PySolution> {
         let watching = Watching::criterion(Some(criterion.get()));
         let criterion = Arc::clone(&criterion.get().criterion);
-        let solution = py.detach(|| self.inner.set.best(&*criterion));
+        let solution = watching.detach(py, || self.inner.set.best(&*criterion));
         watching.check(py)?;
         let solution = solution.map_err(to_py)?;
         Ok(PySolution { solution, inner: self.inner.clone() })

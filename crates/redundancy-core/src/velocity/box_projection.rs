@@ -27,6 +27,8 @@ pub(super) struct BoxProjection {
     orthonormal: Vec<f64>,
     factor: Vec<f64>,
     direction: Vec<f64>,
+    /// Squared length up to which what the active rows leave of another one is rounding.
+    dependent: f64,
     /// Rows of the last proof that a larger scale has no solution, and their multipliers.
     blocking: Vec<(usize, bool)>,
     proof: Vec<f64>,
@@ -77,6 +79,7 @@ impl BoxProjection {
             orthonormal: vec![0.0; (n + 1) * n],
             factor: vec![0.0; (n + 1) * (n + 1)],
             direction: vec![0.0; n],
+            dependent: 0.0,
             blocking: Vec::with_capacity(n + 1),
             proof: Vec::with_capacity(n + 1),
             z: Vec::with_capacity(n),
@@ -87,6 +90,12 @@ impl BoxProjection {
     pub fn solve(&mut self, rows: &Rows<'_>, z0: &[f64]) -> Option<f64> {
         let mut s = 1.0;
         self.blocking.clear();
+        // Measured by the longest row: one that no unknown moves is all rounding.
+        let squares = (0..rows.p.len()).map(|joint| {
+            let (_, a) = rows.row((joint, true));
+            dot(a, a)
+        });
+        self.dependent = BOX_INDEPENDENT * squares.fold(0.0, f64::max);
         for _ in 0..ROUNDS {
             match self.project(rows, z0, s) {
                 Outcome::Solved => return Some(s),
@@ -125,8 +134,7 @@ impl BoxProjection {
                 // Step of the multipliers of the active rows, and of z, for one unit of the new multiplier.
                 self.steps(rows, worst);
                 let square = dot(&self.direction[..rows.r], &self.direction[..rows.r]);
-                let (_, a) = rows.row(worst);
-                let free = self.active.len() < rows.r && square > BOX_INDEPENDENT * dot(a, a);
+                let free = self.active.len() < rows.r && square > self.dependent;
                 let full = if free { violation / square } else { f64::INFINITY };
                 let (mut partial, mut leaving) = (f64::INFINITY, 0);
                 for (i, (u, change)) in self.multipliers.iter().zip(&self.change).enumerate() {
