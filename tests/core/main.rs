@@ -34,6 +34,7 @@ mod plan_path;
 mod planning;
 mod planning_brute;
 mod planning_scene;
+mod priorities;
 mod retime;
 mod rotation;
 mod scene;

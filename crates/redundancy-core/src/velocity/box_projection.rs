@@ -8,6 +8,9 @@
 //! `y >= 0` with `y^T A = 0` and `y^T b(s) < 0`. As `b` is linear in s, the proof bounds s from above for every solution,
 //! so s is set to that bound and the method starts again. Each proof is another face of the dual, so this ends, and the
 //! first s that has a solution is the largest one.
+//!
+//! At that s active rows are met up to rounding, which a row that depends on them shows magnified by its multipliers; one that
+//! is violated by no more than that is met.
 
 use super::linear::dot;
 use crate::tolerance::{BOX_INDEPENDENT, BOX_VIOLATION};
@@ -29,6 +32,8 @@ pub(super) struct BoxProjection {
     direction: Vec<f64>,
     /// Squared length up to which what the active rows leave of another one is rounding.
     dependent: f64,
+    /// Rows that depend on active ones and are violated by what those are off, magnified; and up to what.
+    tolerated: Vec<((usize, bool), f64)>,
     /// Rows of the last proof that a larger scale has no solution, and their multipliers.
     blocking: Vec<(usize, bool)>,
     proof: Vec<f64>,
@@ -80,6 +85,7 @@ impl BoxProjection {
             factor: vec![0.0; (n + 1) * (n + 1)],
             direction: vec![0.0; n],
             dependent: 0.0,
+            tolerated: Vec::with_capacity(4 * n),
             blocking: Vec::with_capacity(n + 1),
             proof: Vec::with_capacity(n + 1),
             z: Vec::with_capacity(n),
@@ -127,6 +133,7 @@ impl BoxProjection {
         self.z.extend_from_slice(z0);
         self.active.clear();
         self.multipliers.clear();
+        self.tolerated.clear();
         for _ in 0..ROUNDS {
             let Some((worst, mut violation)) = self.most_violated(rows, s) else { return Outcome::Solved };
             let mut multiplier = 0.0;
@@ -135,6 +142,10 @@ impl BoxProjection {
                 self.steps(rows, worst);
                 let square = dot(&self.direction[..rows.r], &self.direction[..rows.r]);
                 let free = self.active.len() < rows.r && square > self.dependent;
+                if multiplier == 0.0 && !free && violation <= self.magnified() {
+                    self.tolerate(worst, violation);
+                    break;
+                }
                 let full = if free { violation / square } else { f64::INFINITY };
                 let (mut partial, mut leaving) = (f64::INFINITY, 0);
                 for (i, (u, change)) in self.multipliers.iter().zip(&self.change).enumerate() {
@@ -166,6 +177,20 @@ impl BoxProjection {
         Outcome::Solved
     }
 
+    /// By how much a row that depends on the active ones may be violated where each of those may be off by rounding.
+    fn magnified(&self) -> f64 {
+        BOX_VIOLATION * (1.0 + self.change.iter().map(|change| change.abs()).sum::<f64>())
+    }
+
+    /// Lets a row be, as long as it is violated by no more than about this.
+    fn tolerate(&mut self, row: (usize, bool), violation: f64) {
+        self.tolerated.retain(|known| known.0 != row);
+        if self.tolerated.len() == self.tolerated.capacity() {
+            self.tolerated.swap_remove(0);
+        }
+        self.tolerated.push((row, 2.0 * violation));
+    }
+
     /// The row that z violates most, beyond rounding.
     fn most_violated(&self, rows: &Rows<'_>, s: f64) -> Option<((usize, bool), f64)> {
         let mut worst = None;
@@ -179,13 +204,17 @@ impl BoxProjection {
             let y = s * rows.p[joint];
             let slack = BOX_VIOLATION * (1.0 + y.abs());
             for (upper, violation) in [(true, x + y - rows.high[joint]), (false, rows.low[joint] - x - y)] {
-                if violation > slack && violation > most {
+                if violation > slack && violation > most && !self.tolerates((joint, upper), violation) {
                     most = violation;
                     worst = Some((joint, upper));
                 }
             }
         }
         worst.map(|row| (row, most))
+    }
+
+    fn tolerates(&self, row: (usize, bool), violation: f64) -> bool {
+        self.tolerated.iter().any(|known| known.0 == row && violation <= known.1)
     }
 
     /// For the new row `a` and the active rows A: `direction` is what of a is orthogonal to them, and `change` solves

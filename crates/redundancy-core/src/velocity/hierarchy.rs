@@ -5,7 +5,8 @@
 //! its numbers in the coordinates w, so that a decision is a few reflections of all rows.
 //!
 //! - [`meet`](Hierarchy::meet): the largest s in [0, 1] for which some qd within the bounds has `J qd = s v`; where the
-//!   decisions before leave less freedom than J has rows, `J qd` is as near to `s v` as they allow (least squares).
+//!   decisions before leave less freedom than J has rows, `J qd` is as near to `s v` as they allow (least squares); where it
+//!   was limits that took the freedom, an s that meets the task exactly goes before that.
 //! - [`approach`](Hierarchy::approach): the least `|J qd - v|` within the bounds, where no s is possible.
 //! - [`hold`](Hierarchy::hold): a row's value up to a bound, as far as possible.
 //!
@@ -18,7 +19,9 @@
 
 use super::box_projection::{BoxProjection, Rows};
 use super::linear::dot;
-use crate::tolerance::{FROZEN_MULTIPLIER, FROZEN_ROW, LEVEL_RANK, PROXIMAL_CHANGE, PROXIMAL_WEIGHT};
+use crate::tolerance::{
+    FROZEN_MULTIPLIER, FROZEN_ROW, LEVEL_RANK, PRIORITY_RESIDUAL, PROXIMAL_CHANGE, PROXIMAL_WEIGHT,
+};
 
 /// Most coordinates of one task.
 const MOST: usize = 6;
@@ -41,6 +44,8 @@ pub(super) struct Hierarchy {
     wish: Vec<f64>,
     /// The joint velocity of the last solution.
     last: Vec<f64>,
+    /// Whether rows have been fixed: limits have taken directions from the levels below.
+    confined: bool,
     /// Whether `projection.z` belongs to the present coordinates.
     settled: bool,
     projection: BoxProjection,
@@ -70,6 +75,9 @@ struct Level {
     /// Least-squares solution for v, and for `-J x`.
     with_velocity: [f64; MOST],
     without: [f64; MOST],
+    /// What these leave of v, and of `-J x`.
+    missing_velocity: [f64; MOST],
+    missing: [f64; MOST],
 }
 
 impl Hierarchy {
@@ -85,6 +93,7 @@ impl Hierarchy {
             high: Vec::with_capacity(rows),
             wish: vec![0.0; n],
             last: vec![0.0; n],
+            confined: false,
             settled: false,
             projection: BoxProjection::new(n),
             level: Level {
@@ -96,6 +105,8 @@ impl Hierarchy {
                 value: [0.0; MOST],
                 with_velocity: [0.0; MOST],
                 without: [0.0; MOST],
+                missing_velocity: [0.0; MOST],
+                missing: [0.0; MOST],
             },
             from: vec![0.0; rows],
             upto: vec![0.0; rows],
@@ -111,6 +122,7 @@ impl Hierarchy {
     pub fn begin(&mut self, low: &[f64], high: &[f64], wish: &[f64]) {
         let n = self.n;
         self.decided = 0;
+        self.confined = false;
         self.settled = false;
         self.z.clear();
         self.z.resize(n * n, 0.0);
@@ -189,24 +201,39 @@ impl Hierarchy {
     /// is decided.
     pub fn meet(&mut self, jacobian: &[f64], v: &[f64]) -> Option<f64> {
         self.turn(jacobian, v);
-        let rank = self.level.rank;
-        let (n, first) = (self.n, self.decided);
-        for row in 0..self.low.len() {
-            let own = &self.z[row * n + first..][..rank];
-            let base = self.fixed[row] + dot(own, &self.level.without[..rank]);
-            self.from[row] = self.low[row] - base;
-            self.upto[row] = self.high[row] - base;
-            self.taken[row] = dot(own, &self.level.with_velocity[..rank]);
+        // Where limits have left the task too few directions, often a single scale is possible.
+        if let Some(only) = self.level.only_scale().filter(|_| self.confined)
+            && self.meet_between(only, only).is_some()
+        {
+            return Some(only);
         }
-        let s = self.project(rank)?;
-        let y: [f64; MOST] = std::array::from_fn(|k| s * self.level.with_velocity[k] + self.level.without[k]);
-        self.decide(&y[..rank]);
-        self.settled = true;
-        self.keep();
+        let s = self.meet_between(0.0, 1.0)?;
         if s < 1.0 {
             self.freeze_blocking();
         }
         Some(s)
+    }
+
+    /// The largest scale between two for the present level; it is decided.
+    fn meet_between(&mut self, least: f64, most: f64) -> Option<f64> {
+        let rank = self.level.rank;
+        let (n, first) = (self.n, self.decided);
+        let base: [f64; MOST] =
+            std::array::from_fn(|k| self.level.without[k] + least * self.level.with_velocity[k]);
+        let per_unit: [f64; MOST] = std::array::from_fn(|k| (most - least) * self.level.with_velocity[k]);
+        for row in 0..self.low.len() {
+            let own = &self.z[row * n + first..][..rank];
+            let base = self.fixed[row] + dot(own, &base[..rank]);
+            self.from[row] = self.low[row] - base;
+            self.upto[row] = self.high[row] - base;
+            self.taken[row] = dot(own, &per_unit[..rank]);
+        }
+        let s = self.project(rank)?;
+        let y: [f64; MOST] = std::array::from_fn(|k| base[k] + s * per_unit[k]);
+        self.decide(&y[..rank]);
+        self.settled = true;
+        self.keep();
+        Some(least + s * (most - least))
     }
 
     /// Takes a task for [`approach`](Self::approach) that was not tried with [`meet`](Self::meet).
@@ -394,6 +421,7 @@ impl Hierarchy {
                 continue;
             }
             self.fix(row, bound);
+            self.confined = true;
             (self.low[row], self.high[row]) = (f64::NEG_INFINITY, f64::INFINITY);
             self.settled = false;
         }
@@ -452,6 +480,7 @@ impl Level {
         rest[..self.m].iter_mut().zip(&self.value).for_each(|(rest, value)| *rest = -value);
         let mut given = [0.0; MOST];
         given[..self.m].copy_from_slice(v);
+        (self.missing_velocity, self.missing) = ([0.0; MOST], [0.0; MOST]);
         if self.rank == self.m {
             for (right, out) in [(&given, &mut self.with_velocity), (&rest, &mut self.without)] {
                 for k in 0..self.rank {
@@ -468,6 +497,24 @@ impl Level {
                 out[k] = (dot(&q[k], right) - after) / r[k][k];
             }
         }
+        for (right, missing) in [(given, &mut self.missing_velocity), (rest, &mut self.missing)] {
+            *missing = right;
+            for q in &q[..self.rank] {
+                let part = dot(q, missing);
+                missing.iter_mut().zip(q).for_each(|(missing, q)| *missing -= part * q);
+            }
+        }
+    }
+
+    /// The scale in [0, 1] that alone meets the task, which sees fewer coordinates than it has rows.
+    fn only_scale(&self) -> Option<f64> {
+        let square = dot(&self.missing_velocity, &self.missing_velocity);
+        if square.sqrt() <= PRIORITY_RESIDUAL {
+            return None;
+        }
+        let s = (-dot(&self.missing_velocity, &self.missing) / square).clamp(0.0, 1.0);
+        let left: [f64; MOST] = std::array::from_fn(|i| s * self.missing_velocity[i] + self.missing[i]);
+        (dot(&left, &left).sqrt() <= PRIORITY_RESIDUAL).then_some(s)
     }
 
     /// Orthonormal columns and the triangle of the `(m, rank)` matrix of the task, by orthogonalising twice.

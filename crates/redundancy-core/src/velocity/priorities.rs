@@ -5,7 +5,8 @@
 //! All problems are solved exactly, see the module `hierarchy`; the limits are those of the module `bounds`.
 //!
 //! - Where the levels above leave a task less freedom than it has coordinates, `J qd = s v` is met as nearly as they allow, in
-//!   the sense of least squares: the position of the elbow below a full pose moves the elbow along its circle.
+//!   the sense of least squares: the position of the elbow below a full pose moves the elbow along its circle. Where it is limits
+//!   that take the freedom, and one scale still meets the task exactly, that scale is taken.
 //! - Where no s is possible, because joints have to brake or because of what the levels above do, the scale is 0 and the task
 //!   error `|J qd - v|` the least within the limits.
 //! - Half-spaces and cones are inequalities `g . qd >= b`. For a distance d from the bound, in m or rad,
