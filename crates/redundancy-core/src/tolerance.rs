@@ -797,3 +797,9 @@ pub const CHECK_CONTACT_STEP: f64 = 0.02;
 
 /// Radius (m) of the capsules from joint to joint of an arm whose shape is not given.
 pub const CHECK_LINK_RADIUS: f64 = 0.05;
+
+/// Difference of positions (rad or m) and of velocities (rad/s or m/s) up to which two motions meet: rows of files are
+/// rounded.
+pub const JOIN_POSITION: f64 = 1e-6;
+/// See [`JOIN_POSITION`].
+pub const JOIN_VELOCITY: f64 = 1e-6;

@@ -19,7 +19,8 @@ pub(super) fn collisions(
     settings: &CheckSettings,
     against: CheckAgainst<'_>,
 ) -> Result<Vec<Spot>> {
-    let Some(scene) = against.scene else { return Ok(Vec::new()) };
+    let mut out = self_collisions(chain, trajectory, against)?;
+    let Some(scene) = against.scene else { return Ok(out) };
     let capsules;
     let links = match against.links {
         Some(links) => links,
@@ -29,13 +30,7 @@ pub(super) fn collisions(
         }
     };
     let places = places(trajectory);
-    let mut q = Vec::with_capacity(places.len() * chain.dof());
-    let mut state: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; chain.dof()]);
-    for (interval, t) in &places {
-        trajectory.sample_interval(*interval, *t, state.each_mut().map(Vec::as_mut_slice))?;
-        q.extend_from_slice(&state[0]);
-    }
-    let mut out = Vec::new();
+    let q = configurations(trajectory, &places)?;
     let mut look = |scene: &Scene, range: std::ops::Range<usize>| -> Result<()> {
         let block = &q[range.start * chain.dof()..range.end * chain.dof()];
         let around = Surroundings::new(chain, links, Some(scene), false)?;
@@ -45,8 +40,7 @@ pub(super) fn collisions(
             let near = by_link.into_iter().flatten().min_by(by_distance);
             let Some(near) = near.filter(|near| near.distance < settings.clearance) else { continue };
             let name = around.link_names().get(near.link).map_or("", String::as_str);
-            let end = trajectory.t()[(*cell + 1).min(trajectory.rows() - 1)];
-            let row = if t - trajectory.t()[*cell] > end - t { cell + 1 } else { *cell };
+            let row = nearest_row(trajectory, *cell, *t);
             let (value, bound) = (near.distance, settings.clearance);
             // Shapes of links outside of the chain (fingers) are named in the message alone.
             let link = chain.links().iter().position(|link| link.name == name);
@@ -70,6 +64,43 @@ pub(super) fn collisions(
         look(scene, 0..places.len())?;
     }
     Ok(out)
+}
+
+/// Contact of links with each other: the pairs of the links that are given.
+fn self_collisions(chain: &Chain, trajectory: &Trajectory, against: CheckAgainst<'_>) -> Result<Vec<Spot>> {
+    let Some(links) = against.links.filter(|links| !links.pairs().is_empty()) else { return Ok(Vec::new()) };
+    let places = places(trajectory);
+    let nearest = links.self_clearance(chain, &configurations(trajectory, &places)?, 0.0)?;
+    let mut out = Vec::new();
+    for (near, (cell, t)) in nearest.into_iter().zip(&places) {
+        let Some([first, second]) = near.links else { continue };
+        let [a, b] = [first, second].map(|link| links.names()[link].as_str());
+        let (value, cell, t) = (near.distance, *cell, *t);
+        let message = format!("links '{a}' and '{b}' overlap by {:.6} m, at {t:.6} s", -value);
+        let link = chain.links().iter().position(|link| link.name == a);
+        let part = first * links.names().len() + second;
+        let owner = Owner { kind: FindingKind::SelfCollision, joint: None, link, part };
+        let (row, weight, message) = (nearest_row(trajectory, cell, t), -value, Some(message));
+        out.push(Spot { owner, cell, row, t, value, bound: 0.0, weight, message });
+    }
+    Ok(out)
+}
+
+/// Positions at these places, one after the other.
+fn configurations(trajectory: &Trajectory, places: &[(usize, f64)]) -> Result<Vec<f64>> {
+    let mut q = Vec::with_capacity(places.len() * trajectory.dof());
+    let mut state: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; trajectory.dof()]);
+    for (interval, t) in places {
+        trajectory.sample_interval(*interval, *t, state.each_mut().map(Vec::as_mut_slice))?;
+        q.extend_from_slice(&state[0]);
+    }
+    Ok(q)
+}
+
+/// The row nearest to a time in interval `cell`.
+fn nearest_row(trajectory: &Trajectory, cell: usize, t: f64) -> usize {
+    let end = trajectory.t()[(cell + 1).min(trajectory.rows() - 1)];
+    if t - trajectory.t()[cell] > end - t { cell + 1 } else { cell }
 }
 
 /// Intervals and times at which the arm is checked: every row, and between rows so that no joint moves by more than
