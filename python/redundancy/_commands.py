@@ -1083,6 +1083,7 @@ def check(
     Example:  redundancy check trajectory.json --robot panda
     Example:  redundancy check move.csv --robot arm.urdf --path path.csv --scene scene.json --format github
     Example:  redundancy check move.csv --robot arm.urdf --scene scene.json --collision urdf --package-dir share/
+    Example:  redundancy check move.csv --robot arm.urdf --collision urdf --srdf arm.srdf --package-dir share/
     """
     if format_ not in _check.FORMATS:
         raise rd.RedundancyError(f"--format is '{format_}', it must be text, json or github")
