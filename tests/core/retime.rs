@@ -179,7 +179,8 @@ fn torques_hold_between_the_rows() {
     for (rows, share) in [(400, 0.7), (400, 0.45), (30, 0.7), (4, 0.7)] {
         let limits: Vec<f64> = effort.iter().map(|limit| share * limit).collect();
         let settings = RetimeSettings {
-            acceleration_limits: vec![30.0; 7],
+            velocity_limits: vec![50.0; 7],
+            acceleration_limits: vec![1e3; 7],
             torque_limits: Some(limits.clone()),
             ..RetimeSettings::of(&arm)
         };

@@ -124,10 +124,8 @@ impl Places<'_> {
             let part = first * around.links() + second;
             let owner = Owner { kind, joint: None, link: self.link(&names[0]), part };
             let (row, (cell, t)) = (self.row(*place), *place);
-            let message = format!(
-                "links '{}' and '{}' overlap by {:.6} m at {t:.6} s",
-                names[0], names[1], -value
-            );
+            let message =
+                format!("links '{}' and '{}' overlap by {:.6} m at {t:.6} s", names[0], names[1], -value);
             let message = Some(message);
             out.push(Spot { owner, cell, row, t, value, bound: 0.0, weight: -value, message });
         }
