@@ -13,7 +13,7 @@
 
 use nalgebra::Vector3;
 
-use super::clearance::Near;
+use super::near::Near;
 use crate::joint_space::wrap;
 use crate::kinematics::Kinematics;
 use crate::scene::{Contact, Surroundings, Thing, Visitor};

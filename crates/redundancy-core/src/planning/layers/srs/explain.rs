@@ -1,6 +1,6 @@
 //! The outcome of a swivel plan and its reason: points without a configuration, limits, reconfigurations.
 
-use super::clearance::Near;
+use super::near::Near;
 use super::problem::{SwivelLine, SwivelProblem};
 use super::settings::SwivelChoice;
 use crate::chain::Chain;

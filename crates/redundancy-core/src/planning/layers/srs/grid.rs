@@ -3,7 +3,7 @@
 //! Positions and costs are kept by joint and by cell, so that the search is plain arithmetic on rows of numbers. An arc that
 //! is narrower than a cell gets a node of its own.
 
-use super::clearance::Near;
+use super::near::Near;
 use super::problem::SwivelProblem;
 use crate::joint_space::{TURN, turned};
 use crate::kinematics::Scratch;

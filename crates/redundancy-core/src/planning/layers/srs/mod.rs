@@ -19,6 +19,7 @@ mod backtrack;
 pub(in crate::planning) mod clearance;
 pub(in crate::planning) mod explain;
 pub(in crate::planning) mod grid;
+pub(in crate::planning) mod near;
 mod obstacles;
 mod polish;
 pub(in crate::planning) mod problem;

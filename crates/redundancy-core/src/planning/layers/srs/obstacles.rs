@@ -3,7 +3,8 @@
 use std::sync::Mutex;
 
 use super::anchor::Anchor;
-use super::clearance::{ArmClearance, Around, Near, OverPose};
+use super::clearance::{ArmClearance, Around, OverPose};
+use super::near::Near;
 use super::settings::SwivelPlanSettings;
 use crate::error::Result;
 use crate::parallel::prelude::*;

@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::anchor::Anchor;
-use super::clearance::Near;
+use super::near::Near;
 use super::obstacles::SceneAlongPath;
 use super::settings::{SwivelChoice, SwivelPlanSettings};
 use super::windings::Windings;
