@@ -114,6 +114,7 @@ from redundancy._core import (
     trace_self_motion,
     track,
 )
+from redundancy.explorer import explore
 from redundancy.status import EventKind, Kind, Status
 
 __all__ = [
@@ -210,6 +211,7 @@ __all__ = [
     "closed_form",
     "cofactor_condition",
     "constrained_optima",
+    "explore",
     "fastest_profile",
     "follow_optimum",
     "half_angle_minimum",

@@ -1037,6 +1037,75 @@ def plan_job(job: _plan.Job) -> None:
         raise CannotFollowError(job.plan.reason or str(job.plan.status))
 
 
+# --- explore ----------------------------------------------------------------------------------------------
+
+
+@app.command()
+def explore(
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    path: Annotated[File | None, typer.Option(help="CSV of a path, as for `redundancy plan`.")] = None,
+    plan: Annotated[
+        list[File] | None,
+        typer.Option(help="plan.npz of `redundancy plan`; given twice, both are shown side by side."),
+    ] = None,
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
+    tool: Annotated[str, typer.Option(help="Tool centre point x,y,z in the frame of the tip, m.")] = "0,0,0",
+    half_angle: Annotated[float, typer.Option(help="How far the tool may tilt, degrees.")] = 0.0,
+    spin: Annotated[
+        str, typer.Option(help="How far the tool may spin: free, or degrees to either side.")
+    ] = "0",
+    obstacles: SceneOption = None,
+    collision: CollisionOption = "capsules",
+    srdf: SrdfOption = None,
+    package_dir: PackageOption = None,
+    port: Annotated[
+        int,
+        typer.Option(
+            help="Port of the page; the next free one if it is in use, 0 for any.", min=0, max=65535
+        ),
+    ] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; by default only this machine can open the page.")
+    ] = "127.0.0.1",
+    open_browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open it.")] = True,
+) -> None:
+    """Show an arm, its freedom, plans and obstacles in the browser, until Ctrl-C.
+
+    Needs the extra `explorer`. Nothing outside of this machine is contacted.
+
+    Example:  redundancy explore --robot panda
+    Example:  redundancy explore --robot panda --path path.csv --plan run/plan.npz --scene scene.json
+    """
+    bodies = bodies_of(collision, srdf, package_dir)
+    chain = with_tool(load_robot(robot, base, tip), tool)
+    turning = _plan.spin_of(spin)
+    freedom = None
+    if half_angle != 0.0 or turning != 0.0:
+        freedom = rd.ToolFreedom(np.deg2rad(half_angle), turning)
+    try:
+        view = rd.explore(
+            chain,
+            None if path is None else rd.Path.from_csv(path),
+            [rd.Plan.from_npz(file) for file in plan or []],
+            None if obstacles is None or collision == "none" else rd.Scene.from_json(obstacles),
+            bodies.links(robot, chain),
+            port,
+            open_browser,
+            host=host,
+            freedom=freedom,
+        )
+    except ImportError as error:
+        raise rd.RedundancyError(str(error)) from error
+    _out.print(f"{view.url}  (Ctrl-C to stop)", soft_wrap=True)
+    try:
+        view.wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        view.close()
+
+
 # --- check ------------------------------------------------------------------------------------------------
 
 

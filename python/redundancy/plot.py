@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
 from redundancy._core import Chain, LinkGeometry, Path, Scene, SelfMotion, SrsArm, SwivelPlan, Trajectory
@@ -29,12 +29,22 @@ __all__ = [
     "track",
 ]
 
-_LINE = "#1b5e8c"
-_OUTSIDE = "#e8b4a8"
-_INSIDE = "#cfe3d4"
-_EVENT = "#b03a2e"
-_BLOCKED = "#8c2d19"
+# Blue against orange, which colour-blind readers tell apart; lines and words have a contrast of 4.5 or more with white.
+_LINE = "#0b4f85"
+_OUTSIDE = "#f3d3ad"
+_INSIDE = "#cfe3f4"
+_EVENT = "#a84300"
+_BLOCKED = "#7d3200"
 _GRID = "#dddddd"
+PALETTE = ("#0072b2", "#a84300", "#007d5c", "#8a4f7d", "#8c6d00", "#24292f", "#3d8fc4", "#6b7280")
+"""Colours of lines in one panel [Okabe, Ito], darkened for thin lines."""
+_STYLES = ("-", "-", "-", "-", "--", "--", "--", "--")
+_ROOM = 0.12
+"""Room above and below the data, as a share of its range."""
+_LEAST_RANGE = 4.0
+"""Least height of a panel, degrees."""
+_NEAR = 0.35
+"""A limit within this share of the data's range is brought into view."""
 _HALF_TURN = 180.0
 _SHOWN = 600
 """Most points of a path that a map draws."""
@@ -113,8 +123,8 @@ def self_motion(
     text = "\n".join(
         (
             f"branch {_signs(chosen.signs)}",
-            "green: all joint limits hold",
-            "red: outside the limits of this joint",
+            "blue: all joint limits hold",
+            "orange: outside the limits of this joint",
             "white: another joint is outside",
         )
     )
@@ -190,13 +200,16 @@ def swivel_map(
     # A plan that ends early has fewer rows than the path has points.
     rows = shown[:0] if plan is None else shown[shown < len(plan)]
     marks = [] if plan is None else [(float(path.s[k]), "") for k in plan.reconfigurations]
+    centre = None
+    if plan is not None and len(rows):
+        centre = float(np.mean(_turn(unwrapped(plan.swivel), None)))
     for index, axis in enumerate(axes.ravel()):
         signs = tuple(-1 if index & bit else 1 for bit in (4, 2, 1))
         angles = None
         if plan is not None and len(rows):
             here = (plan.branch[rows] == signs).all(axis=1)
             angles = np.where(here, plan.swivel[rows], np.nan) if here.any() else None
-        _swivel(axis, s, angles, bands[index], marks)
+        _swivel(axis, s, angles, bands[index], marks, centre)
         axis.set_title(f"branch {_signs(signs)}", fontsize=9, loc="left", pad=3)
     for axis in axes[-1]:
         axis.set_xlabel("along the path (m)", fontsize=9)
@@ -231,16 +244,18 @@ def obstacle_map(
     figure = Figure(figsize=(9, 5.2), layout="constrained") if figure is None else figure
     above, below = figure.subplots(2, 1, height_ratios=(3, 1.4), sharex=True)
     s = path.s[shown]
-    _swivel(above, s, None, band, [(float(path.s[k]), "") for k in plan.reconfigurations])
+    line = unwrapped(plan.swivel)
+    bottom, top = _turn(line, None)
+    marks = [(float(path.s[k]), "") for k in plan.reconfigurations]
+    _swivel(above, s, None, band, marks, centre=0.5 * (bottom + top))
+    above.set_ylim(bottom, top)
     if blocked.any():
         height = np.linspace(-_HALF_TURN, _HALF_TURN, resolution)
-        above.contourf(s, height, blocked.T.astype(float), levels=(0.5, 1.5), colors=_BLOCKED)
-    wrapped = (np.rad2deg(plan.swivel) + _HALF_TURN) % (2 * _HALF_TURN) - _HALF_TURN
-    breaks = np.flatnonzero(np.abs(np.diff(wrapped)) > _HALF_TURN) + 1
-    along = path.s[: len(wrapped)]
-    above.plot(np.insert(along, breaks, np.nan), np.insert(wrapped, breaks, np.nan), color=_LINE, lw=1.8)
+        for turn in (-360.0, 0.0, 360.0):
+            above.contourf(s, height + turn, blocked.T.astype(float), levels=(0.5, 1.5), colors=_BLOCKED)
+    above.plot(path.s[: len(line)], line, color=_LINE, lw=1.8)
     above.set_title(
-        "swivel (deg): limits hold on the band, obstacles block the red regions",
+        "swivel (deg): limits hold on the band, obstacles block the brown regions",
         fontsize=9,
         loc="left",
         pad=3,
@@ -282,25 +297,55 @@ def track(
     angles: ArrayLike,
     band: ArrayLike,
     title: str = "",
+    t: ArrayLike | None = None,
 ) -> Figure:
-    """Joints with their limits, and below them the swivel on its band.
+    """Joints with their limits, their speeds as shares of the limits, and the swivel on its band, all over time.
 
     Args:
         trajectory: The motion.
         chain: The arm.
-        s: `(N,)` arc length, m.
+        s: `(N,)` arc length of the samples of the swivel, m.
         angles: `(N,)` swivel, rad.
         band: `(N, M)` from `swivel_band`.
         title: Heading.
+        t: `(N,)` times of the samples, s; those of the rows, or of as many evenly chosen ones, when left out.
     """
-    rows = -(-len(trajectory.joint_names) // 2)
-    figure = Figure(figsize=(9, 1.5 * rows + 3.8), layout="constrained")
-    parts = figure.subfigures(2, 1, height_ratios=(1.5 * rows, 3.0), squeeze=False)
+    rows, samples = -(-len(trajectory.joint_names) // 2), len(np.asarray(s))
+    figure = Figure(figsize=(9, 1.5 * rows + 5.6), layout="constrained")
+    parts = figure.subfigures(3, 1, height_ratios=(1.5 * rows, 1.9, 2.6), squeeze=False)
     joints(trajectory, chain, parts[0, 0])
-    swivel(s, angles, band, figure=parts[1, 0])
+    _speeds(parts[1, 0].subplots(), trajectory, chain)
+    if t is None:
+        t = trajectory.t[np.linspace(0, len(trajectory.t) - 1, samples).round().astype(int)]
+    axis = parts[2, 0].subplots()
+    _swivel(axis, np.asarray(t, dtype=float), angles, np.asarray(band, dtype=bool), ())
+    axis.set_xlabel("time (s)", fontsize=9)
+    axis.set_title(
+        "swivel of the elbow (deg) on the band where all joint limits hold", fontsize=9, loc="left", pad=3
+    )
     if title:
         figure.suptitle(title, fontsize=11, x=0.01, ha="left")
     return figure
+
+
+def _speeds(axis: Axes, trajectory: Trajectory, chain: Chain) -> None:
+    """The speed of every joint as a share of its limit."""
+    limits = chain.velocity_limit
+    shares = np.abs(trajectory.qd) / np.where(np.isfinite(limits), limits, 1.0)
+    for j, name in enumerate(trajectory.joint_names):
+        label = name if np.isfinite(limits[j]) else f"{name} (rad/s)"
+        colour, style = PALETTE[j % len(PALETTE)], _STYLES[j % len(_STYLES)]
+        axis.plot(trajectory.t, shares[:, j], color=colour, ls=style, lw=1.3, label=label)
+    top = float(shares.max()) if shares.size else 1.0
+    axis.set_ylim(0.0, 1.1 * max(top, 1e-3))
+    if top > 1.0 - _NEAR:
+        axis.set_ylim(0.0, 1.1 * max(top, 1.0))
+        axis.axhline(1.0, color=_EVENT, lw=1, ls="--")
+    if len(trajectory.t) and trajectory.t[-1] > trajectory.t[0]:
+        axis.set_xlim(trajectory.t[0], trajectory.t[-1])
+    axis.set_title("joint speed / limit", fontsize=9, loc="left", pad=3)
+    axis.legend(fontsize=7, ncols=8, loc="lower right", bbox_to_anchor=(1.0, 0.98), frameon=False)
+    _plain(axis)
 
 
 def _index(branch: Sequence[int]) -> int:
@@ -338,23 +383,32 @@ def _bands(arm: SrsArm, poses: ArrayLike, branches: Sequence[int], resolution: i
 def _joint(
     axis: Axes, name: str, x: NDArray[np.float64], y: NDArray[np.float64], limits: tuple[float, float]
 ) -> None:
-    """One joint, with the ranges that its limits forbid shaded."""
+    """One joint; its limits, and what they forbid, where they are in view."""
     lower, upper = limits
-    low = lower if np.isfinite(lower) else min(-_HALF_TURN, np.nanmin(y))
-    high = upper if np.isfinite(upper) else max(_HALF_TURN, np.nanmax(y))
-    room = 0.12 * (high - low)
-    bottom, top = min(low, np.nanmin(y)) - room, max(high, np.nanmax(y)) + room
+    bottom, top = _view(y, limits)
     axis.set_ylim(bottom, top)
-    if np.isfinite(lower):
-        axis.axhspan(bottom, low, color=_OUTSIDE, lw=0)
-    if np.isfinite(upper):
-        axis.axhspan(high, top, color=_OUTSIDE, lw=0)
+    for edge, end in ((lower, bottom), (upper, top)):
+        if bottom <= edge <= top:
+            axis.axhspan(min(edge, end), max(edge, end), color=_OUTSIDE, lw=0)
+            axis.axhline(edge, color=_EVENT, lw=1, ls="--")
+    if np.nanmin(y) < lower and lower > top:
+        axis.axhspan(bottom, top, color=_OUTSIDE, lw=0)
+    if np.nanmax(y) > upper and upper < bottom:
+        axis.axhspan(bottom, top, color=_OUTSIDE, lw=0)
     axis.plot(x, y, color=_LINE, lw=1.6)
-    axis.yaxis.set_major_locator(
-        MultipleLocator(_HALF_TURN / 2 if top - bottom < 4 * _HALF_TURN else 2 * _HALF_TURN)
-    )
+    axis.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 1.5, 2, 3, 5, 10]))
     axis.set_title(f"{name} (deg)", fontsize=9, loc="left", pad=3)
     _plain(axis)
+
+
+def _view(y: NDArray[np.float64], limits: tuple[float, float]) -> tuple[float, float]:
+    """The range of the data with room, extended to limits that are near."""
+    low, high = float(np.nanmin(y)), float(np.nanmax(y))
+    extent = max(high - low, _LEAST_RANGE)
+    middle = 0.5 * (low + high)
+    low, high = min(low, middle - 0.5 * extent), max(high, middle + 0.5 * extent)
+    near = [edge for edge in limits if low - _NEAR * extent <= edge <= high + _NEAR * extent]
+    return min([low, *near]) - _ROOM * extent, max([high, *near]) + _ROOM * extent
 
 
 def _finish_joints(axes: NDArray[Any], count: int, columns: int, label: str, text: str) -> None:
@@ -373,33 +427,58 @@ def _swivel(
     angles: ArrayLike | None,
     band: NDArray[np.bool_],
     marks: Sequence[tuple[float, str]],
+    centre: float | None = None,
 ) -> None:
-    """The swivel on its band."""
+    """The swivel, unwrapped, on its band: at least a turn, with the line in the middle."""
     width = s[-1] - s[0] if s[-1] > s[0] else 1.0
     # Samples need not be evenly spaced: the nearest one colours each column.
     columns = np.linspace(s[0], s[0] + width, min(4 * len(s), 2000))
     nearest = np.clip(np.searchsorted(0.5 * (s[1:] + s[:-1]), columns), 0, len(s) - 1)
-    axis.imshow(
-        np.where(band[nearest].T[..., None], _colour(_INSIDE), _colour(_OUTSIDE)),
-        extent=(s[0], s[0] + width, -_HALF_TURN, _HALF_TURN),
-        origin="lower",
-        aspect="auto",
-        interpolation="nearest",
-    )
-    if angles is not None:
-        wrapped = (np.rad2deg(np.asarray(angles, dtype=float)) + _HALF_TURN) % (2 * _HALF_TURN) - _HALF_TURN
-        # No line across the picture where the angle wraps.
-        breaks = np.flatnonzero(np.abs(np.diff(wrapped)) > _HALF_TURN) + 1
-        x, y = s[: len(wrapped)], wrapped
-        axis.plot(np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan), color=_LINE, lw=1.8)
+    line = None if angles is None else unwrapped(angles)
+    bottom, top = _turn(line, centre)
+    picture = np.where(band[nearest].T[..., None], _colour(_INSIDE), _colour(_OUTSIDE))
+    for turn in range(int(np.floor((bottom + _HALF_TURN) / 360.0)), int(np.ceil((top + _HALF_TURN) / 360.0))):
+        axis.imshow(
+            picture,
+            extent=(s[0], s[0] + width, 360.0 * turn - _HALF_TURN, 360.0 * turn + _HALF_TURN),
+            origin="lower",
+            aspect="auto",
+            interpolation="nearest",
+        )
+    if line is not None:
+        axis.plot(s[: len(line)], line, color=_LINE, lw=1.8)
     for at, text in marks:
         axis.axvline(at, color=_EVENT, lw=1, ls="--")
         if text:
-            axis.annotate(text, (at, 0.97 * _HALF_TURN), fontsize=8, color=_EVENT, va="top", rotation=90)
-    axis.set_ylim(-_HALF_TURN, _HALF_TURN)
-    axis.set_yticks(range(-180, 181, 90))
+            axis.annotate(
+                text, (at, top - 0.03 * (top - bottom)), fontsize=8, color=_EVENT, va="top", rotation=90
+            )
+    axis.set_xlim(s[0], s[0] + width)
+    axis.set_ylim(bottom, top)
+    axis.yaxis.set_major_locator(
+        MultipleLocator(_HALF_TURN / 2 if top - bottom < 4 * _HALF_TURN else 2 * _HALF_TURN)
+    )
     _plain(axis)
     axis.grid(visible=False)
+
+
+def unwrapped(angles: ArrayLike) -> NDArray[np.float64]:
+    """Angles (rad) in degrees without jumps of a turn; values that are not finite stay gaps."""
+    out: NDArray[np.float64] = np.rad2deg(np.asarray(angles, dtype=float))
+    good = np.isfinite(out)
+    out[good] = np.unwrap(out[good], period=2 * _HALF_TURN)
+    return out
+
+
+def _turn(line: NDArray[np.float64] | None, centre: float | None) -> tuple[float, float]:
+    """A turn around the middle of the line (or `centre`); more where the line needs it."""
+    if line is None or not np.isfinite(line).any():
+        middle = 0.0 if centre is None else centre
+        return middle - _HALF_TURN, middle + _HALF_TURN
+    low, high = float(np.nanmin(line)), float(np.nanmax(line))
+    middle = 0.5 * (low + high) if centre is None else centre
+    half = max(_HALF_TURN, 1.05 * max(high - middle, middle - low))
+    return middle - half, middle + half
 
 
 def _colour(text: str) -> NDArray[np.float64]:

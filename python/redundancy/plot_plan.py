@@ -10,6 +10,14 @@ import redundancy as rd
 __all__ = ["figures", "freedom", "joints", "speed"]
 
 
+PALETTE = ("#0072b2", "#a84300", "#007d5c", "#8a4f7d", "#8c6d00", "#24292f", "#3d8fc4", "#6b7280")
+"""Colours that colour-blind readers tell apart [Okabe, Ito], dark enough for thin lines on white."""
+STYLES = ("-", "-", "-", "-", "--", "--", "--", "--")
+LIMIT, CHANGE = "#a84300", "#8a4f7d"
+IN_VIEW = 0.65
+"""Share of the limit from which on the limit is in view."""
+
+
 def figures(chain: rd.Chain, plan: rd.Plan) -> dict[str, Figure]:
     """All figures of a plan by file name."""
     out = {"joints.png": joints(chain, plan), "speed.png": speed(chain, plan)}
@@ -24,13 +32,13 @@ def joints(chain: rd.Chain, plan: rd.Plan) -> Figure:
     figure, axes = _axes(chain.dof, "position")
     for i, ax in enumerate(axes):
         scale = _scale(chain, i)
-        ax.plot(_along(plan), plan.q[:, i] * scale, lw=1.2)
+        ax.plot(_along(plan), plan.q[:, i] * scale, color=PALETTE[0], lw=1.4)
         low, high = chain.lower[i] * scale, chain.upper[i] * scale
         values = plan.q[:, i] * scale
         room = 0.15 * max(np.ptp(values), 5.0 if scale != 1.0 else 0.05)
         for limit in (low, high):
             if values.min() - 4 * room <= limit <= values.max() + 4 * room:
-                ax.axhline(limit, color="tab:red", lw=0.8, ls="--")
+                ax.axhline(limit, color=LIMIT, lw=0.8, ls="--")
         _marks(ax, plan)
         ax.set_ylabel(f"{plan.joint_names[i]}\n({'deg' if scale != 1.0 else 'm'})", fontsize=7)
     return figure
@@ -46,8 +54,13 @@ def speed(chain: rd.Chain, plan: rd.Plan) -> Figure:
     for i, name in enumerate(plan.joint_names):
         limit = chain.velocity_limit[i]
         share = np.abs(steps[:, i]) / (limit if np.isfinite(limit) else 1.0)
-        ax.plot(middle, share, lw=1.0, label=name if np.isfinite(limit) else f"{name} (rad/s or m/s)")
-    ax.axhline(1.0, color="tab:red", lw=0.8, ls="--")
+        colour, style = PALETTE[i % len(PALETTE)], STYLES[i % len(STYLES)]
+        label = name if np.isfinite(limit) else f"{name} (rad/s or m/s)"
+        ax.plot(middle, share, color=colour, ls=style, lw=1.2, label=label)
+    top = max((float(line.get_ydata().max()) for line in ax.lines), default=1.0)
+    ax.set_ylim(0.0, 1.1 * max(top, 1.0 if top > IN_VIEW else 0.0, 1e-3))
+    if top > IN_VIEW:
+        ax.axhline(1.0, color=LIMIT, lw=1.0, ls="--")
     ax.set_ylabel("joint speed / limit")
     ax.legend(fontsize=7, ncols=2)
     return figure
@@ -67,7 +80,7 @@ def freedom(plan: rd.Plan) -> Figure:
             rows.append((f"{name.replace('_', ' ')} (m)", np.where(np.isfinite(values), values, np.nan)))
     figure, axes = _axes(len(rows), "freedom")
     for ax, (label, values) in zip(axes, rows, strict=True):
-        ax.plot(_along(plan), values, lw=1.2)
+        ax.plot(_along(plan), values, color=PALETTE[0], lw=1.4)
         _marks(ax, plan)
         ax.set_ylabel(label, fontsize=8)
     return figure
@@ -88,7 +101,7 @@ def _along(plan: rd.Plan) -> Any:
 
 def _marks(ax: Any, plan: rd.Plan) -> None:
     for row in plan.reconfigurations:
-        ax.axvline(_along(plan)[row], color="tab:orange", lw=0.8)
+        ax.axvline(_along(plan)[row], color=CHANGE, lw=0.8)
 
 
 def _scale(chain: rd.Chain, joint: int) -> float:

@@ -57,20 +57,21 @@ def reaches(chain: rd.Chain, path: rd.Path, radius: float) -> int | None:
 @pytest.mark.parametrize("case", SOME, ids=lambda case: str(case["number"]))
 def test_hard_rasters(panda: rd.Chain, case: dict[str, Any]) -> None:
     path = path_of(case)
-    # An impossible one takes all of its time: for a line with reconfigurations.
-    plan = rd.plan(panda, path, velocity_limits=None, time_limit=60.0 if case["number"] != 45 else 25.0)
+    plan = rd.plan(panda, path, velocity_limits=None, time_limit=600.0)
+    # With reconfigurations or without: all rows are there, within limits, and on the path.
+    assert (plan.q >= panda.lower).all()
+    assert (plan.q <= panda.upper).all()
+    assert np.abs(panda.forward(plan.q) - path.poses).max() < 1e-9
+    steps = np.abs(np.diff(plan.q, axis=0)).max(axis=1)
     if plan.legal:
         assert str(plan.status) == "converged"
-        assert (plan.q >= panda.lower).all()
-        assert (plan.q <= panda.upper).all()
-        poses = panda.forward(plan.q)
-        assert np.abs(poses - path.poses).max() < 1e-9
-        assert np.abs(np.diff(plan.q, axis=0)).max() < 0.3
+        assert steps.max() < 0.3
     else:
         assert case["number"] in {3, 45, 191}
         assert str(plan.status) == "infeasible"
         assert "no line exists" in plan.reason
-        assert len(plan.reconfigurations) <= 1
+        assert len(plan.reconfigurations) == (1 if case["number"] == 3 else 2)
+        assert np.delete(steps, np.array(plan.reconfigurations) - 1).max() < 0.5
         # No line, whatever its steps: the nearest configurations are radians apart.
         assert reaches(panda, path, radius=1.0) is not None
 

@@ -68,7 +68,8 @@ def cost(chain: rd.Chain, path: rd.Path, q: Array) -> float:
 
 def chained(chain: rd.Chain, path: rd.Path, task: rd.Task | str, rng: np.random.Generator) -> Array | None:
     """Inverse kinematics from row to row; None where it fails, jumps or leaves its limits."""
-    solver = rd.IkSolver(chain, task=task)
+    # Plans meet the path to rounding; a chain that may miss it by a micrometre can be cheaper by as much.
+    solver = rd.IkSolver(chain, task=task, tol_position=1e-11, tol_orientation=1e-11)
     first = solver.solve(
         path.poses[0], q0=rng.uniform(np.maximum(chain.lower, -2), np.minimum(chain.upper, 2))
     )
@@ -110,7 +111,7 @@ def test_random_paths(name: str) -> None:
     solved = impossible = 0
     for _ in range(300 if FULL else 6):
         path = random_path(given.chain, rng)
-        plan = rd.plan(given.chain, path, given.freedom, time_limit=60.0)
+        plan = rd.plan(given.chain, path, given.freedom, time_limit=600.0)
         baselines = [chained(given.chain, path, given.task, rng) for _ in range(3)]
         costs = [cost(given.chain, path, q) for q in baselines if q is not None]
         if plan.legal:
@@ -124,7 +125,7 @@ def test_random_paths(name: str) -> None:
         assert not costs, (plan.reason, costs)
         if not plan.proven and not plan.blocked:
             for seed in (1, 2, 3):
-                options: dict[str, Any] = {"seed": seed, "time_limit": 60.0}
+                options: dict[str, Any] = {"seed": seed, "time_limit": 600.0}
                 assert not rd.plan(given.chain, path, given.freedom, **options).legal
     print(f"{name}: {solved} solved, {impossible} impossible")
     assert solved

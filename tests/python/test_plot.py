@@ -36,7 +36,7 @@ def test_self_motion_draws_each_joint_of_the_branch(arm: rd.SrsArm) -> None:
     branch = next(b for b in motion.branches if b.signs == (1, -1, 1))
     assert [a.get_title(loc="left") for a in figure.axes[:7]] == [f"{n} (deg)" for n in chain.joint_names]
     for j, axis in enumerate(figure.axes[:7]):
-        (line,) = axis.get_lines()
+        *edges, line = axis.get_lines()
         s, q = line.get_xdata(), line.get_ydata()
         drawn = np.isfinite(q)
         assert drawn.sum() == 181 and axis.get_xlim() == (-180, 180)
@@ -44,8 +44,17 @@ def test_self_motion_draws_each_joint_of_the_branch(arm: rd.SrsArm) -> None:
         # A break wherever the winding changes, and no step of half a turn between drawn neighbours.
         assert not (np.abs(np.diff(q)) > 180).any()
         low, high = np.rad2deg(chain.lower[j]), np.rad2deg(chain.upper[j])
-        (_, _, bottom, below), (_, _, above, top) = sorted(spans(axis, plot._OUTSIDE), key=lambda r: r[2])
-        assert (below, above) == pytest.approx((low, high)) and (bottom, top) == axis.get_ylim()
+        # The range follows the data; a limit that is in view is drawn, with what is beyond it shaded to the edge.
+        bottom, top = axis.get_ylim()
+        assert bottom < np.nanmin(q) and top > np.nanmax(q)
+        assert top - bottom < 2.0 * max(np.nanmax(q) - np.nanmin(q), plot._LEAST_RANGE)
+        seen = [edge for edge in (low, high) if bottom <= edge <= top]
+        assert sorted(edge.get_ydata()[0] for edge in edges) == pytest.approx(seen)
+        shaded = [(a, b) for _, _, a, b in spans(axis, plot._OUTSIDE)]
+        beyond = [(bottom, low)] * (low in seen) + [(high, top)] * (high in seen)
+        assert len(shaded) == len(beyond)
+        for got, expected in zip(sorted(shaded), beyond, strict=True):
+            assert got == pytest.approx(expected)
 
 
 def test_self_motion_marks_the_feasible_swivels(arm: rd.SrsArm) -> None:
@@ -95,8 +104,13 @@ def test_swivel_map_shows_the_band_of_each_branch_and_the_plan(arm: rd.SrsArm) -
         k for k, b in enumerate(arm.self_motion(path.poses[0]).branches) if b.signs == tuple(plan.branch[0])
     )
     for index, axis in enumerate(figure.axes):
-        (image,) = axis.get_images()
-        assert image.get_extent() == pytest.approx([0, path.length, -180, 180])
+        # The band is repeated every turn, so that the line need not be cut.
+        images = axis.get_images()
+        extents = np.array([one.get_extent() for one in images])
+        np.testing.assert_allclose(extents[:, :2], [[0, path.length]] * len(images))
+        np.testing.assert_allclose((extents[:, 2:] + 180) % 360, 0, atol=1e-9)
+        assert extents[:, 2].min() <= axis.get_ylim()[0] and axis.get_ylim()[1] <= extents[:, 3].max()
+        image = images[0]
         signs = tuple(-1 if index & bit else 1 for bit in (4, 2, 1))
         inside = np.all(np.isclose(image.get_array(), plot._colour(plot._INSIDE)), axis=2)
         band = plot.swivel_band(arm, path.poses, signs, resolution=90)
@@ -106,9 +120,10 @@ def test_swivel_map_shows_the_band_of_each_branch_and_the_plan(arm: rd.SrsArm) -
     (line,) = figure.axes[chosen].get_lines()
     drawn = np.isfinite(line.get_ydata())
     np.testing.assert_allclose(line.get_xdata()[drawn], path.s)
+    assert np.abs(np.diff(line.get_ydata()[drawn])).max() < 180
     off = line.get_ydata()[drawn] - np.rad2deg(plan.swivel)
     np.testing.assert_allclose((off + 180) % 360 - 180, 0, atol=1e-9)
-    # Every point of the line is on the green.
+    # Every point of the line is on the band.
     cells = np.floor((np.deg2rad(line.get_ydata()[drawn]) + np.pi) / (2 * np.pi) * 90).astype(int)
     band = plot.swivel_band(arm, path.poses, plan.branch[0], resolution=90)
     assert band[np.arange(50), cells % 90].mean() > 0.95

@@ -6,6 +6,11 @@
 //! a configuration is, [`constrained_optima`] finds all of them over a pose, [`algorithmic_singularities`] and
 //! [`singularity_curves`] find where they vanish, and [`follow_optimum`] follows one along a path and says where it ends and why.
 //!
+//! With N an orthonormal basis of the kernel of the Jacobian of the task f, a point is critical where mu vanishes, and the
+//! eigenvalues of W decide its kind [Park1996, eq. (8) and (10)]:
+//!
+//! $$ \mu = N^T \nabla h, \qquad W = N^T \Big( \nabla^2 h - \sum_k \lambda_k \nabla^2 f_k \Big) N, \qquad \lambda = (J J^T)^{-1} J \nabla h $$
+//!
 //! Source: [Park1996, sections 2 to 4], with corrections: definiteness is sufficient, and only semidefiniteness necessary (their theorem
 //! 3.1 says 'if and only if'); a maximum needs leading minors of alternating sign, not negative ones; their null-space
 //! basis (eq. 11) vanishes at configurations that are not singular when r > 1, so an orthonormal basis is used here;

@@ -8,6 +8,7 @@ use super::fill::fill;
 use super::nodes::{NODE_SPACING, Nodes, posture};
 use super::pull::{Pull, Puller, wind_into};
 use super::push::Pusher;
+use super::reach::Reach;
 use super::refine::{Refinement, refine};
 use super::report::Outcome;
 use super::search::{Jump, Search, turns_round};
@@ -23,35 +24,21 @@ use crate::watch::Watch;
 
 /// What is said where no line was found over `nodes`.
 ///
-/// `unreached` is a point that no line from the start comes to, where that is known.
-pub(super) fn without_line(
-    demand: &Demand,
-    nodes: Nodes,
-    unreached: Option<usize>,
-    watch: &Watch,
-) -> Outcome {
+/// `reach` are the places that no line passes, where that is known.
+pub(super) fn without_line(demand: &Demand, nodes: Nodes, reach: &Reach, watch: &Watch) -> Outcome {
     let empty: Vec<usize> = (0..nodes.rows.len())
         .filter(|layer| nodes.q[*layer].is_empty())
         .map(|layer| nodes.rows[layer])
         .collect();
     let suspects = suspects(demand, &nodes, &empty);
-    let blocked: Vec<BlockedPoint> = suspects
-        .into_par_iter()
-        .filter_map(|row| if watch.interrupted().is_some() { None } else { blocked(demand, row) })
-        .collect();
+    let blocked = blocked_points(demand, &suspects, watch);
     if !blocked.is_empty() {
         return Outcome::Blocked(blocked);
     }
     if let Some(why) = watch.interrupted() {
         return Outcome::Interrupted(None, why);
     }
-    let gap = unreached.map(|row| {
-        format!(
-            "no line exists, as far as samples every {NODE_SPACING} rad or m on the arcs of all solutions show: none of those \
-             at point {row} is connected with one at point {} that a line from the start comes to",
-            row - 1
-        )
-    });
+    let gap = reach.breaks.first().map(|first| gap(first.unreached));
     match (with_jumps(demand, nodes, watch), gap) {
         (Outcome::Jumps { q, jumps, reason }, Some(gap)) => {
             Outcome::Jumps { q, jumps, reason: format!("{gap}; {reason}") }
@@ -59,6 +46,21 @@ pub(super) fn without_line(
         (Outcome::Nothing(_) | Outcome::Interrupted(None, _), Some(gap)) => Outcome::Nothing(gap),
         (outcome, _) => outcome,
     }
+}
+
+/// What is said of the first point that no line comes to.
+pub(super) fn gap(row: usize) -> String {
+    format!(
+        "no line exists, as far as samples every {NODE_SPACING} rad or m on the arcs of all solutions show: none of those \
+         at point {row} is connected with one at point {} that a line from the start comes to",
+        row - 1
+    )
+}
+
+/// The verdicts on rows without a configuration within limits.
+pub(super) fn blocked_points(demand: &Demand, rows: &[usize], watch: &Watch) -> Vec<BlockedPoint> {
+    let point = |row: &usize| if watch.interrupted().is_some() { None } else { blocked(demand, *row) };
+    rows.par_iter().filter_map(point).collect()
 }
 
 /// Whether the first point without states has no configuration, as far as random starts tell.
@@ -314,22 +316,10 @@ fn assembled(
         }
         first = end;
     }
-    let step = |row: usize| {
-        let worst = (0..n)
-            .map(|i| (q[row * n + i] - q[(row - 1) * n + i], i))
-            .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-        let Some((d, i)) = worst else { return String::new() };
-        let (bound, joint) = (demand.step_bound[(row - 1) * n + i], &demand.chain.joints()[i]);
-        let (unit, turns) = if joint.kind == JointKind::Prismatic { ("m", false) } else { ("rad", true) };
-        let why = if turns && bound >= JOINT_JUMP {
-            "a continuous step is at most"
-        } else {
-            "its speed limit allows"
-        };
-        format!("joint '{}' would have to step {:.4} {unit}, {why} {bound:.4} {unit}", joint.name, d.abs())
-    };
-    let jumps: Vec<Reconfiguration> =
-        rows.iter().map(|row| Reconfiguration { row: *row, reason: step(*row) }).collect();
+    let jumps: Vec<Reconfiguration> = rows
+        .iter()
+        .map(|row| Reconfiguration { row: *row, reason: step_too_far(demand, &q, *row) })
+        .collect();
     let farthest = search.farthest();
     let where_to = match nodes.rows.get(farthest + 1) {
         Some(next) => {
@@ -339,19 +329,38 @@ fn assembled(
     };
     let found = match &jumps[..] {
         [] => "a line without reconfigurations exists, but none was found that keeps all limits".to_owned(),
-        [only] => {
-            format!("1 reconfiguration is needed, before point {}: {}; {where_to}", only.row, only.reason)
-        }
-        [first, ..] => format!(
-            "{} reconfigurations are needed, the first one before point {}: {}; {where_to}",
-            jumps.len(),
-            first.row,
-            first.reason
-        ),
+        _ => format!("{}; {where_to}", sum_up(&jumps)),
     };
     let reason =
         format!("{found} (searched: {} states at each of {} points)", nodes.width(n), nodes.rows.len());
     Outcome::Jumps { q, jumps, reason }
+}
+
+/// By how much the joints would have to step to a row.
+pub(super) fn step_too_far(demand: &Demand, q: &[f64], row: usize) -> String {
+    let n = demand.dof();
+    let step = |i: usize| q[row * n + i] - q[(row - 1) * n + i];
+    let worst = (0..n).map(|i| (step(i), i)).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let Some((d, i)) = worst else { return String::new() };
+    let (bound, joint) = (demand.step_bound[(row - 1) * n + i], &demand.chain.joints()[i]);
+    let (unit, turns) = if joint.kind == JointKind::Prismatic { ("m", false) } else { ("rad", true) };
+    let why =
+        if turns && bound >= JOINT_JUMP { "a continuous step is at most" } else { "its speed limit allows" };
+    format!("joint '{}' would have to step {:.4} {unit}, {why} {bound:.4} {unit}", joint.name, d.abs())
+}
+
+/// How many reconfigurations there are, and where the first one is.
+pub(super) fn sum_up(jumps: &[Reconfiguration]) -> String {
+    match jumps {
+        [] => "no reconfiguration is needed".to_owned(),
+        [only] => format!("1 reconfiguration is needed, before point {}: {}", only.row, only.reason),
+        [first, ..] => format!(
+            "{} reconfigurations are needed, the first one before point {}: {}",
+            jumps.len(),
+            first.row,
+            first.reason
+        ),
+    }
 }
 
 /// The rows with all of those in the gap before a layer.

@@ -15,6 +15,7 @@ mod reach;
 mod refine;
 mod report;
 mod search;
+mod sections;
 mod swivel_plan;
 mod tool;
 mod verify;

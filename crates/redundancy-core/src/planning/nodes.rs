@@ -11,7 +11,7 @@ use super::demand::Demand;
 use super::pull::{Pull, Puller, wind_into};
 use super::push::Pusher;
 use super::tool::MOST_BOUNDS;
-use crate::joint_space::windings;
+use crate::joint_space::{TURN, windings};
 use crate::kinematics::rotation_vector;
 use crate::parallel::prelude::*;
 use crate::solutions::{Solutions, SolutionsSettings, solutions};
@@ -38,9 +38,31 @@ impl Nodes {
         if look > 0
             && let Some(q) = exact(demand, &rows, NODE_SPACING / look as f64, watch)
         {
-            return Self { wound: Vec::new(), stops: Vec::new(), rows, q };
+            return Self { wound: Vec::new(), stops: Vec::new(), rows, q }.that_fit(demand.dof(), 1.0);
         }
-        Self::sample(demand, rows, count, look, watch)
+        let most = (MOST_STEPS / rows.len() as f64).sqrt() as usize;
+        Self::sample(demand, rows, count.min(most), look, watch).that_fit(demand.dof(), 1.0)
+    }
+
+    /// As many of the states, evenly over each layer, as the graph has memory for when each of them becomes `growth` ones.
+    fn that_fit(mut self, n: usize, growth: f64) -> Self {
+        let width = |layer: &Vec<f64>| growth * (layer.len() / n) as f64;
+        let steps: f64 = self.q.windows(2).map(|pair| width(&pair[0]) * width(&pair[1])).sum();
+        if steps <= MOST_STEPS {
+            return self;
+        }
+        let share = (MOST_STEPS / steps).sqrt();
+        for layer in &mut self.q {
+            let count = layer.len() / n;
+            let kept = ((share * count as f64) as usize).clamp(1, count.max(1)).min(count);
+            *layer = (0..kept)
+                .flat_map(|k| {
+                    let state = (2 * k + 1) * count / (2 * kept);
+                    layer[state * n..(state + 1) * n].to_vec()
+                })
+                .collect();
+        }
+        self
     }
 
     fn sample(demand: &Demand, rows: Vec<usize>, count: usize, look: usize, watch: &Watch) -> Self {
@@ -73,10 +95,12 @@ impl Nodes {
     }
 
     /// The same with the windings of a joint within its limits as states of their own.
-    pub fn with_windings(mut self, demand: &Demand, joint: usize) -> Self {
+    pub fn with_windings(self, demand: &Demand, joint: usize) -> Self {
         let n = demand.dof();
-        for (layer, q) in self.q.iter_mut().enumerate() {
-            if demand.given(self.rows[layer]).is_some() {
+        let turns = ((demand.upper[joint] - demand.lower[joint]) / TURN).ceil();
+        let mut out = self.that_fit(n, turns);
+        for (layer, q) in out.q.iter_mut().enumerate() {
+            if demand.given(out.rows[layer]).is_some() {
                 continue;
             }
             let mut all = Vec::with_capacity(2 * q.len());
@@ -89,8 +113,8 @@ impl Nodes {
             }
             *q = all;
         }
-        self.wound.push(joint);
-        self
+        out.wound.push(joint);
+        out
     }
 
     /// States over a layer, on average.
@@ -331,6 +355,8 @@ pub(super) const NODE_SPACING: f64 = 0.1;
 const EQUAL_STATES: f64 = 1e-3;
 /// Numbers of postures that one look may use.
 const LOOK_NUMBERS: usize = 1 << 20;
+/// Steps between states that the graph of a search may have: four bytes each.
+const MOST_STEPS: f64 = 5e7;
 /// Layers at which random postures are pulled onto the task.
 const SEED_LAYERS: usize = 6;
 /// Times that sparse layers are filled up.

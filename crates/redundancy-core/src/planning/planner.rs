@@ -18,10 +18,11 @@ use super::demand::{Demand, Objective, PlanSettings};
 use super::explain;
 use super::fill::fill;
 use super::nodes::Nodes;
-use super::reach;
+use super::reach::{Reach, reach};
 use super::refine::{Goal, Refined, Refinement, refine};
 use super::report::{self, Outcome};
 use super::search::{Line, Search};
+use super::sections::in_sections;
 use super::verify;
 use crate::chain::Chain;
 use crate::error::Result;
@@ -81,14 +82,14 @@ struct Run<'a> {
 struct Found {
     best: Option<Refined>,
     nodes: Nodes,
-    /// A point that no line comes to, once that was asked.
-    unreached: Option<Option<usize>>,
+    /// The places that no line passes, once that was asked.
+    reach: Option<Reach>,
 }
 
 impl Run<'_> {
     fn solve(&self) -> Outcome {
         let mut best: Option<Refined> = None;
-        let (mut last, mut unreached) = (None, None);
+        let (mut last, mut known) = (None, Reach::default());
         for level in LEVELS {
             let share = level.number as f64 / LEVELS.len() as f64;
             if level.number > 0 && self.watch.report(share).is_err() {
@@ -105,10 +106,18 @@ impl Run<'_> {
                 self.watch.interrupted().is_none() && explain::is_blocked(self.demand, &found.nodes);
             last = Some(found.nodes);
             if level.number == 0 && !hopeless {
-                unreached =
-                    (found.unreached).unwrap_or_else(|| reach::first_unreached(self.demand, self.watch));
+                known = found.reach.unwrap_or_else(|| reach(self.demand, self.watch));
             }
-            if unreached.is_some() {
+            if !known.empty.is_empty() {
+                let blocked = explain::blocked_points(self.demand, &known.empty, self.watch);
+                if !blocked.is_empty() {
+                    return Outcome::Blocked(blocked);
+                }
+            }
+            if let Some(first) = known.breaks.first() {
+                if let Some(outcome) = self.with_breaks(&known) {
+                    return outcome.after(&explain::gap(first.unreached));
+                }
                 // No search for a line any more: states for one with reconfigurations.
                 let Level { layers, states, number } = LEVELS[2];
                 let rows = self.demand.even_rows((layer_count(self.demand) * layers).min(MOST_LAYERS));
@@ -125,9 +134,22 @@ impl Run<'_> {
         }
         // A line that breaks a limit by a trifle tells less than why there is none.
         match last {
-            Some(nodes) => explain::without_line(self.demand, nodes, unreached, self.watch),
+            Some(nodes) => explain::without_line(self.demand, nodes, &known, self.watch),
             None => Outcome::Nothing("no point was searched".into()),
         }
+    }
+
+    /// The rows with the fewest reconfigurations, where a line has to begin anew.
+    fn with_breaks(&self, known: &Reach) -> Option<Outcome> {
+        let open;
+        let demand = if self.demand.cyclic {
+            open = self.demand.section(0, self.demand.rows());
+            &open
+        } else {
+            self.demand
+        };
+        let solve = |demand: &Demand, watch: &Watch| Run { demand, watch }.solve();
+        in_sections(demand, &known.breaks, self.watch, solve)
     }
 
     /// The line that is returned, repaired where it does not hold between its rows.
@@ -162,13 +184,13 @@ impl Run<'_> {
         let mut nodes =
             Nodes::over(demand, rows.clone(), state_count(demand) * level.states, level.number, watch);
         if nodes.q.iter().any(Vec::is_empty) || part.report(0.3).is_err() {
-            return Found { best: None, nodes, unreached: None };
+            return Found { best: None, nodes, reach: None };
         }
         let layers = demand.thinned(&rows);
         let mut middle = subdivided(demand, &rows, MIDDLE_ROWS, LEAST_MIDDLE_ROWS);
         let mut best: Option<Refined> = None;
         let mut seen = Seen::default();
-        let mut unreached = None;
+        let mut known = None;
         for round in 0..=AVOIDING {
             let mut lines = Vec::new();
             // Where every line winds a joint out of its limits, the windings of that joint are checked one by one.
@@ -220,14 +242,15 @@ impl Run<'_> {
             }
             // Before lines are looked for elsewhere: whether there can be one.
             if level.number == 0 && round == 0 && !legal {
-                let found = reach::first_unreached(demand, watch);
-                unreached = Some(found);
-                if found.is_some() {
+                let found = reach(demand, watch);
+                let none = !(found.breaks.is_empty() && found.empty.is_empty());
+                known = Some(found);
+                if none {
                     break;
                 }
             }
         }
-        Found { best, nodes, unreached }
+        Found { best, nodes, reach: known }
     }
 
     /// The best of some lines, refined on all rows.

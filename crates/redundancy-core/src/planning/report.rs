@@ -27,6 +27,19 @@ pub(super) enum Outcome {
     Nothing(String),
 }
 
+impl Outcome {
+    /// The same with something said before its reason.
+    pub fn after(self, before: &str) -> Self {
+        match self {
+            Self::Jumps { q, jumps, reason } => {
+                Self::Jumps { q, jumps, reason: format!("{before}; {reason}") }
+            }
+            Self::Nothing(reason) => Self::Nothing(format!("{before}; {reason}")),
+            other => other,
+        }
+    }
+}
+
 /// The plan of an outcome.
 pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Plan> {
     let names = || demand.chain.joints().iter().map(|j| j.name.clone()).collect::<Vec<String>>();

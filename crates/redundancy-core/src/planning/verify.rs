@@ -22,6 +22,8 @@ pub(super) const LIMIT_ROUNDING: f64 = 1e-9;
 const SHORT_STEP: f64 = 1e-4;
 /// Share of a step that may bring its middle back onto the task.
 const MIDDLE_SHARE: f64 = 0.3;
+/// Times that a step is halved where its middle says nothing.
+const HALVINGS: usize = 4;
 
 /// The trajectory through the rows of a line.
 struct Curve<'a> {
@@ -143,18 +145,37 @@ pub(super) fn is_continuous(
     a: &[f64],
     b: &[f64],
 ) -> bool {
-    let length = a.iter().zip(b).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt();
+    let targets = rows.map(|row| &demand.targets[row]);
+    joined(puller, demand, targets, [a, b], HALVINGS)
+}
+
+/// Whether the point half-way is met half-way, or where the arm turns fast, whether both halves of the step are such steps.
+fn joined(
+    puller: &mut Puller<'_>,
+    demand: &Demand,
+    targets: [&Target; 2],
+    [a, b]: [&[f64]; 2],
+    halvings: usize,
+) -> bool {
+    let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt();
+    let length = distance(a, b);
     if length <= SHORT_STEP {
         return true;
     }
     let straight: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
     let mut q = straight.clone();
-    let target = between(demand, &demand.targets[rows[0]], &demand.targets[rows[1]]);
+    let target = between(demand, targets[0], targets[1]);
     if !puller.pull_free(&mut q, &target, &Pull::ONTO) {
         return false;
     }
-    let back = q.iter().zip(&straight).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt();
-    back <= MIDDLE_SHARE * length
+    if distance(&q, &straight) <= MIDDLE_SHARE * length {
+        return true;
+    }
+    // Both halves of a jump cannot become shorter.
+    halvings > 0
+        && distance(a, &q).max(distance(&q, b)) < length
+        && joined(puller, demand, [targets[0], &target], [a, &q], halvings - 1)
+        && joined(puller, demand, [&target, targets[1]], [&q, b], halvings - 1)
 }
 
 /// The point half-way between two points of the path.

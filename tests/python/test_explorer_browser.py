@@ -1,0 +1,288 @@
+"""The explorer in a real browser: Debian's Chromium, driven by Playwright; skipped, with the reason, without it.
+
+With REDUNDANCY_DOCS_IMAGES=1 the pictures of docs/explorer.md are written, at 1280 x 800.
+"""
+
+import os
+import shutil
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import redundancy as rd
+
+pytest.importorskip("viser", reason="the extra 'explorer' is not installed")
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("no chromium: apt-get install chromium", allow_module_level=True)
+
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+DOWN = np.diag([1.0, -1.0, -1.0])
+SMALL = {"width": 760, "height": 420}
+DOCS = Path(__file__).parents[2] / "docs" / "images"
+MET = 1e-9
+WAIT = 40_000
+"""How long a page may take, ms: browsers that draw in software on a busy machine are slow."""
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def view():
+    chain = rd.catalog.load("iiwa14")
+    path = rd.paths.raster((0.5, -0.1, 0.4), 0.25, 0.08, 3, orientation=DOWN, step=0.01)
+    scene = rd.Scene([rd.Sphere((0.42, -0.42, 0.55), 0.09, name="ball")])
+    plan = rd.plan(chain, path, scene=scene)
+    shown = rd.explore(chain, path=path, plan=plan, scene=scene, port=0, open_browser=False)
+    with shown:
+        yield shown
+
+
+class Page:
+    """A page of the explorer that notes errors and what it asks for."""
+
+    def __init__(self, chromium, url, size=SMALL):
+        self.errors, self.requests = [], []
+        self.page = chromium.new_page(viewport=size)
+        self.page.set_default_timeout(WAIT)
+        self.page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        self.page.on("pageerror", lambda e: self.errors.append(str(e)))
+        self.page.on("request", lambda r: self.requests.append(r.url))
+        self.page.goto(url)
+
+    def ready(self):
+        self.page.get_by_text("kind of optimum").wait_for()
+        return self.quiet()
+
+    def quiet(self):
+        """Without notices, such as the one that the browser draws in software."""
+        close = self.page.locator("[class*=Notification-closeButton]")
+        for _ in range(close.count()):
+            close.first.click()
+        return self
+
+    def tab(self, name):
+        self.page.get_by_role("tab", name=name).click()
+
+    def input(self, label):
+        row = self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::div[.//input[@type='text']][1]"
+        )
+        return row.locator("input[type=text]").first
+
+    def frames(self, count=2):
+        self.page.evaluate(
+            "n => new Promise(done => {const f = () => n-- > 0 ? requestAnimationFrame(f) : done(); f()})",
+            count,
+        )
+
+    def close(self):
+        self.page.close()
+
+
+@pytest.fixture(scope="module")
+def page(chromium, view):
+    opened = Page(chromium, view.url).ready()
+    yield opened
+    opened.close()
+
+
+def eventually(condition, seconds=20.0):
+    """Wait until something holds; False after a while."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        threading.Event().wait(0.02)
+    return True
+
+
+def on_screen(view, points):
+    """Pixels of points in the first browser."""
+    camera = next(iter(view.server.get_clients().values())).camera
+    turn = rd.quaternion.to_matrix(np.asarray(camera.wxyz))
+    inside = (np.atleast_2d(points) - np.asarray(camera.position)) @ turn
+    scale = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+    centre = (0.5 * camera.image_width, 0.5 * camera.image_height)
+    return inside[:, :2] / inside[:, 2:] * scale + centre
+
+
+def test_the_slider_moves_the_arm(page, view):
+    page.tab("Pose")
+    field = page.input("along it")
+    for value in (70.0, -100.5):
+        field.fill(str(value))
+        field.press("Enter")
+        u = np.deg2rad(value)
+        assert eventually(lambda u=u: abs(view.pose.u - u) < 1e-12), view.pose.u
+        view.settle()
+        piece = rd.solutions(view.pose.arm, view.pose.target).pieces[view.pose.piece]
+        np.testing.assert_allclose(view.pose.q, piece.q(u), atol=MET)
+        np.testing.assert_allclose(view.pose.chain.forward(view.pose.q), view.pose.target, atol=MET)
+    bands = page.page.get_by_role("img", name="where all joint limits hold along each self-motion")
+    assert bands.locator("text").count() == 8 + 3
+    thumb = page.page.get_by_role("slider").first
+    thumb.focus()
+    before = view.pose.u
+    thumb.press("ArrowRight")
+    assert eventually(lambda: view.pose.u > before)
+
+
+def test_the_gizmo_moves_the_tool(page, view):
+    view.call(lambda: view.show_configuration(view.path.lines[0].at(0.0)))
+    view.settle()
+    page.frames(4)
+    start = view.pose.target.copy()
+    arm = 0.3 * view.pose.body.reach
+    # The tool points down: its axes are x, -y and -z of the world. The arrow is near the end of its axis.
+    grip, aim = on_screen(
+        view, [start[:3, 3] + (0.85 * arm) * start[:3, 0], start[:3, 3] + 1.1 * arm * start[:3, 0]]
+    )
+    mouse = page.page.mouse
+    mouse.move(*grip)
+    page.frames(3)
+    mouse.down()
+    mouse.move(*(0.5 * (grip + aim)))
+    page.frames(2)
+    mouse.move(*aim)
+    page.frames(2)
+    mouse.up()
+    page.frames(3)
+    assert eventually(lambda: not np.array_equal(view.pose.target, start))
+    page.frames(3)  # the end of the drag is on its way too
+    view.settle()
+    moved = view.pose.target[:3, 3] - start[:3, 3]
+    assert 0.01 < moved @ start[:3, 0] < 0.3
+    assert np.linalg.norm(moved - start[:3, 0] * (moved @ start[:3, 0])) < 1e-6
+    assert view.pose.reached
+    np.testing.assert_allclose(view.pose.chain.forward(view.pose.q), view.pose.target, atol=MET)
+    np.testing.assert_allclose(view.pose_panel.gizmo.position, view.pose.target[:3, 3], atol=MET)
+
+
+def test_out_of_reach_says_why(page, view):
+    position, wxyz = (2.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0)
+    view.call(lambda: view.pose_panel.move(position, wxyz))
+    assert not view.pose.reached
+    page.page.get_by_text(f"unreachable: {view.pose.solutions.reason}").wait_for()
+    view.call(lambda: view.show_configuration(view.path.lines[0].at(0.0)))
+
+
+def test_a_plan_is_played_to_its_end(page, view):
+    page.tab("Path")
+    view.call(lambda: view.path_panel.seek(0.0))
+    page.page.get_by_role("checkbox", name="play").or_(page.page.get_by_label("play")).first.check()
+    assert eventually(lambda: view.path.time > 0.0)
+    assert eventually(lambda: view.path.time >= view.path.duration)
+    assert eventually(lambda: not view.path_panel.play.value)
+    view.settle()
+    np.testing.assert_allclose(view.pose.q, view.path.lines[0].q[-1], atol=1e-6)
+    assert page.page.get_by_role("img", name="swivel along the path").count() == 1
+
+
+def test_an_obstacle_is_moved_and_the_path_planned_again(page, view):
+    page.tab("Scene")
+    before = view.path.lines[0]
+    view.call(lambda: view.scene_panel.select("ball"))
+    assert page.input("radius (m)").input_value() == "0.09"
+    field = page.input("radius (m)")
+    field.fill("0.12")
+    field.press("Enter")
+    assert eventually(lambda: view.scene.scene.obstacles[0].radius == 0.12)
+    assert eventually(lambda: view.path.lines[0] is not before)
+    assert view.path.lines[0].plan.legal
+    before = view.path.lines[0]
+    # As the gizmo of the obstacle sends it, at the end of a drag.
+    view.call(lambda: view.scene_panel.move((0.45, -0.45, 0.6), (1.0, 0.0, 0.0, 0.0), True))
+    assert eventually(lambda: view.path.lines[0] is not before)
+    near = view.scene.scene.clearance(view.pose.chain, view.path.lines[0].q)
+    assert near.distance.min() > 0.0
+    field.fill("0")
+    field.press("Enter")
+    page.page.get_by_text("the size is 0 m").wait_for()
+    assert view.scene.scene.obstacles[0].radius == 0.12
+
+
+def test_two_browsers_see_the_same_and_one_may_vanish(chromium, page, view):
+    page.tab("Pose")
+    other = Page(chromium, view.url).ready()
+    assert eventually(lambda: len(view.server.get_clients()) == 2)
+    field = other.input("along it")
+    field.fill("-140")
+    field.press("Enter")
+    assert eventually(lambda: abs(view.pose.u - np.deg2rad(-140.0)) < 1e-12)
+    shown = page.input("along it")
+    assert eventually(lambda: shown.input_value() == "-140")
+    # Gone while a plan is in progress: the plan goes on.
+    before = view.path.lines[0]
+    view.post("plan", view.path_panel.plan)
+    other.close()
+    assert eventually(lambda: len(view.server.get_clients()) == 1)
+    assert eventually(lambda: view.path.lines[0] is not before)
+    assert not other.errors
+
+
+def test_the_files(page, view, tmp_path):
+    page.tab("File")
+    with page.page.expect_download() as saved:
+        page.page.get_by_role("button", name="save the state").click()
+    text = Path(saved.value.path()).read_text()
+    assert text == view.state()
+    with page.page.expect_download() as picture:
+        page.page.get_by_role("button", name="picture (PNG)").click()
+    content = Path(picture.value.path()).read_bytes()
+    assert content.startswith(b"\x89PNG")
+    import imageio.v3
+
+    assert np.ptp(imageio.v3.imread(content)) > 50  # something is drawn
+
+
+def test_pictures_of_each_mode(page, view, tmp_path):
+    folder = DOCS if os.environ.get("REDUNDANCY_DOCS_IMAGES") == "1" else tmp_path
+    view.call(lambda: view.path_panel.seek(0.55 * view.path.duration))
+    opened = page
+    opened.page.set_viewport_size({"width": 1280, "height": 800})
+    for mode in ("Pose", "Path", "Scene"):
+        opened.tab(mode)
+        view.call(lambda mode=mode: view.scene_panel.select("ball" if mode == "Scene" else "none"))
+        opened.quiet().frames(4)
+        file = folder / f"explorer_{mode.lower()}.png"
+        opened.page.screenshot(path=file, timeout=WAIT)
+        assert file.stat().st_size > 20_000
+    assert not opened.errors
+    # No drawing of the panel is wider than the panel, and nothing of it is cut off at the side.
+    opened.tab("Pose")
+    for box in (one.bounding_box() for one in opened.page.locator("svg[role=img]").all()):
+        assert box is None or box["x"] + box["width"] <= 1280
+
+
+def test_the_page_asks_nothing_outside_and_reports_no_error(page, view):
+    assert not page.errors
+    here = (view.url, "blob:" + view.url, "data:", view.url.replace("http", "ws"))
+    assert all(url.startswith(here) for url in page.requests), page.requests
+
+
+def test_a_recording_opens_from_a_file(chromium, view, tmp_path):
+    file = tmp_path / "explorer.html"
+    file.write_text(view.recording())
+    opened = Page(chromium, file.as_uri(), {"width": 480, "height": 360})
+    opened.page.locator("canvas").first.wait_for()
+    opened.frames(6)
+    import imageio.v3
+
+    pixels = imageio.v3.imread(opened.page.screenshot(timeout=WAIT))[..., :3]
+    assert (
+        pixels.reshape(-1, 3).std(axis=1) > 20
+    ).sum() > 100  # the joints are coloured, the background is not
+    assert not opened.errors
+    assert all(url.startswith(("file:", "blob:", "data:")) for url in opened.requests), opened.requests
+    opened.close()
