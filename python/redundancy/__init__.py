@@ -1,6 +1,6 @@
 """Redundancy resolution for robot arms: configurations, tool orientations and motions along whole paths."""
 
-from redundancy import catalog, orientation_rules, paths, quaternion
+from redundancy import catalog, maps, orientation_rules, paths, quaternion
 from redundancy._core import (
     Box,
     Branch,
@@ -67,6 +67,8 @@ from redundancy._core import (
     SelfClearanceResult,
     SelfMotion,
     SelfMotionCurve,
+    Servo,
+    ServoTick,
     SingularityCurve,
     SingularPoint,
     Solution,
@@ -185,6 +187,8 @@ __all__ = [
     "SelfClearanceResult",
     "SelfMotion",
     "SelfMotionCurve",
+    "Servo",
+    "ServoTick",
     "SingularPoint",
     "SingularityCurve",
     "Solution",
@@ -217,6 +221,7 @@ __all__ = [
     "half_angle_minimum",
     "joint_cost",
     "joint_move",
+    "maps",
     "max_speed",
     "optimal_directions",
     "orientation_rules",

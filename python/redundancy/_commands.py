@@ -1205,6 +1205,169 @@ def with_tool(chain: rd.Chain, tool: str) -> rd.Chain:
     return chain.with_tool(pose)
 
 
+# --- map, place -------------------------------------------------------------------------------------------
+
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786; without it this process."),
+]
+FreedomOption = Annotated[float, typer.Option(help="Largest tilt of the tool axis, degrees.")]
+SpinOption = Annotated[str, typer.Option(help="Largest spin about the tool axis, degrees, or free.")]
+
+
+def _freedom(tilt: float, spin: str) -> rd.ToolFreedom | None:
+    if tilt == 0.0 and spin == "0":
+        return None
+    if spin == "free":
+        return rd.ToolFreedom(half_angle=float(np.deg2rad(tilt)), spin="free")
+    angle = float(np.deg2rad(_numbers(spin, "--spin", 1)[0]))
+    return rd.ToolFreedom(half_angle=float(np.deg2rad(tilt)), spin=angle)
+
+
+def _region(text: str, option: str, counts: tuple[int, ...]) -> list[list[float]]:
+    try:
+        values = [[float(part) for part in pair.split(":")] for pair in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts or any(len(pair) != 2 for pair in values):
+        raise rd.RedundancyError(f"{option} is '{text}', expected ranges such as -0.5:0.5,-0.5:0.5 in m")
+    return values
+
+
+@app.command("map")
+def map_(
+    robot: Annotated[str, typer.Argument(help="Name from `redundancy robots`, or a URDF file.")],
+    out: Annotated[File, typer.Option(help="Folder of the store; one that is not done goes on.")] = File(
+        "map.zarr"
+    ),
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
+    spacing: Annotated[float, typer.Option(help="Distance of neighbouring positions, m.")] = 0.05,
+    directions: Annotated[int, typer.Option(help="Directions of the tool at each position.")] = 50,
+    spins: Annotated[int, typer.Option(help="Spins about each direction.")] = 1,
+    tilt: FreedomOption = 0.0,
+    spin: SpinOption = "0",
+    metrics: Annotated[
+        str,
+        typer.Option(
+            help="Comma-separated: reachable, margin, proven, swivel_measure, manipulability, spin_share."
+        ),
+    ] = "reachable,margin,swivel_measure,manipulability",
+    region: Annotated[
+        str | None, typer.Option(help="x0:x1,y0:y1,z0:z1 in m, instead of all the reach.")
+    ] = None,
+    scheduler: SchedulerOption = None,
+    verify: Annotated[bool, typer.Option(help="Compare what is done with its checksums first.")] = False,
+    show: Annotated[bool, typer.Option(help="Print a slice through the middle of the map.")] = False,
+) -> None:
+    """Map what an arm can do over all positions and directions of its tool. Needs the extra `maps`.
+
+    Example:  redundancy map iiwa14 --spacing 0.1 --out iiwa.zarr --show
+    Example:  redundancy map arm.urdf --scheduler tcp://node1:8786 --out /shared/arm.zarr
+    """
+    from redundancy.maps._dask import connect  # noqa: PLC0415 - an extra
+
+    job = rd.maps.capability(
+        load_robot(robot, base, tip),
+        out=out,
+        spacing=spacing,
+        directions=directions,
+        spins=spins,
+        freedom=_freedom(tilt, spin),
+        metrics=metrics.split(","),
+        region=None if region is None else _region(region, "--region", (3,)),
+        client=None if scheduler is None else connect(scheduler),
+        verify=verify,
+        progress="bar" if _err.is_terminal else None,
+    )
+    found = job.open()
+    _out.print(
+        f"{escape(str(job.path))}: {job.computed} chunks computed, {job.kept} kept, {job.chunks} in all; "
+        f"{job.poses} poses in {job.seconds:.1f} s, {job.rate:,.0f} poses/s",
+        soft_wrap=True,
+    )
+    if "reachable" in found.metrics:
+        _out.print(f"reached within the limits: {100 * found.reach_share:.2f} % of all poses")
+    if show:
+        _show_slice(found)
+    if job.status is not rd.Status.CONVERGED:
+        raise StoppedError
+
+
+def _show_slice(found: Any) -> None:
+    """The share of reached directions in the middle plane across y, one digit for each tenth."""
+    metric = "reachable" if "reachable" in found.metrics else found.metrics[0]
+    share = found.share(metric)
+    middle = share[:, share.shape[1] // 2, :]
+    most = max(float(middle.max()), 1e-12)
+    for row in middle.T[::-1]:
+        _out.print("".join("." if v <= 0 else str(min(9, int(10 * v / most))) for v in row), markup=False)
+    _out.print(f"{metric}, plane across y, x to the right, z upwards; 9 is {most:.3f}", markup=False)
+
+
+@app.command()
+def place(
+    path: Annotated[File, typer.Argument(help="CSV file: x, y, z, and qw, qx, qy, qz.")],
+    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    region: Annotated[str, typer.Option(help="x0:x1,y0:y1 or with z0:z1, shifts of the base in m.")],
+    out: Annotated[File, typer.Option(help="Folder of the results; a call that was stopped goes on.")] = File(
+        "place.zarr"
+    ),
+    base: Annotated[str | None, typer.Option(help="URDF only: first link of the arm.")] = None,
+    tip: Annotated[str | None, typer.Option(help="URDF only: last link of the arm.")] = None,
+    spacing: Annotated[float, typer.Option(help="Distance of neighbouring placements, m.")] = 0.1,
+    yaw_steps: Annotated[int, typer.Option(help="Turns of the base over a whole turn.")] = 1,
+    tilt: FreedomOption = 0.0,
+    spin: SpinOption = "0",
+    tool_speed: Annotated[float | None, typer.Option(help="Speed of the tool along the path, m/s.")] = None,
+    scene: SceneOption = None,
+    refine: Annotated[int, typer.Option(help="Halvings of the grid around the best placement.")] = 3,
+    scheduler: SchedulerOption = None,
+) -> None:
+    """Find where the base of an arm should stand for a path. Needs the extra `maps`.
+
+    Exit status: 0 a placement was found, 1 the path cannot be followed from any, 2 bad input.
+
+    Example:  redundancy place path.csv --robot panda --region=-0.3:0.3,-0.3:0.3 --yaw-steps 4
+    """
+    from redundancy.maps._dask import connect  # noqa: PLC0415 - an extra
+
+    options: dict[str, Any] = {}
+    if scene is not None:
+        options["scene"] = rd.Scene.from_json(scene)
+    if tool_speed is not None:
+        options["tool_speed"] = tool_speed
+    job = rd.maps.place(
+        load_robot(robot, base, tip),
+        rd.Path.from_csv(path),
+        _region(region, "--region", (2, 3)),
+        spacing,
+        yaw_steps,
+        client=None if scheduler is None else connect(scheduler),
+        out=out,
+        freedom=_freedom(tilt, spin),
+        refine=refine,
+        progress="bar" if _err.is_terminal else None,
+        **options,
+    )
+    table = Table(box=None, pad_edge=False)
+    for name in ("x", "y", "z", "yaw", "status", "margin", "clearance", "travel", "time"):
+        table.add_column(name, justify="right")
+    for p in job.placements[:10]:
+        x, y, z, yaw = p.xyz_yaw
+        cells = [f"{x:.3f}", f"{y:.3f}", f"{z:.3f}", f"{np.rad2deg(yaw):.1f}", str(p.status or "not planned")]
+        table.add_row(*cells, *(f"{v:.4f}" for v in (p.margin, p.clearance, p.travel, p.duration)))
+    console = _out if _out.is_terminal else Console(width=160, highlight=False)
+    console.print(table)
+    _out.print(
+        f"{len(job.placements)} placements, {job.planned} planned; in {escape(str(out))}", soft_wrap=True
+    )
+    if job.status is not rd.Status.CONVERGED:
+        raise StoppedError
+    if not job.best:
+        raise CannotFollowError(f"not from any placement; the nearest: {job.placements[0].reason}")
+
+
 # --- demo -------------------------------------------------------------------------------------------------
 
 

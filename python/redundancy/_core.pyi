@@ -1777,6 +1777,137 @@ class SaturatedNullspace(Resolver):
     ) -> Self: ...
 
 @final
+class Servo:
+    """A servo for pose targets: one target pose per tick in, joint position, velocity and acceleration out.
+
+    Limits of position, velocity, acceleration and (where given) jerk hold at every tick, whatever the input:
+    noise, jumps, targets out of reach, late, repeated, NaN or none. Every tick leads to a state from which
+    braking to rest holds them too. Velocity, acceleration and jerk are the differences of the joint
+    positions over `dt`.
+
+    Args:
+        chain: The arm, or an arm object made from it.
+        dt: Length of a tick, s.
+        velocity_limits: Largest joint speeds `(n,)`, rad/s or m/s; `"chain"` takes the chain's, None is off.
+        acceleration_limits: Largest joint accelerations `(n,)`, rad/s^2 or m/s^2; `"chain"` or None takes
+            the chain's. A joint without one gets ten times its velocity limit per second (full speed after
+            0.1 s), or 10 where it has no velocity limit either: without any limit there is no braking to
+            foresee.
+        jerk_limits: Largest joint jerks `(n,)`, rad/s^3 or m/s^3; None is off.
+        criterion: What to do with the freedom; None keeps joints away from their limits.
+        desired_swivel: Swivel angle to follow, rad, until `update` gets another one.
+        position_weight: Weight of 1 m of position error where the target is out of reach.
+        orientation_weight: Weight of 1 rad of orientation error, m.
+        target_noise: `(m, rad)`, the root mean square of the input's noise; `"auto"` measures it; None takes
+            the target as exact.
+        swivel_reference: Direction `(3,)`, base frame, from which the swivel of an arm without a chart
+            counts: the angle of the elbow (origin of joint 4) about the line from shoulder (origin of joint
+                2) to wrist (origin of joint 6).
+        timeout: Time without a target after which the arm brakes to rest, s.
+
+    Raises:
+        RedundancyError: A tick, limit, weight, noise or timeout out of range, a criterion of another arm, a
+            desired swivel on an arm that needs `swivel_reference`.
+
+    Example:
+        >>> import redundancy as rd
+        >>> arm = rd.catalog.load("iiwa14")
+        >>> servo = rd.Servo(arm, 0.004)
+        >>> servo.reset([0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4])
+        >>> str(servo.update(arm.forward([0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4])).status)
+        'converged'
+    """
+
+    def __new__(
+        cls,
+        chain: Chain | _ClosedForm,
+        dt: float,
+        *,
+        velocity_limits: Literal["chain"] | ArrayLike | None = "chain",
+        acceleration_limits: Literal["chain"] | ArrayLike | None = "chain",
+        jerk_limits: ArrayLike | None = None,
+        criterion: Criterion | None = None,
+        desired_swivel: float | None = None,
+        position_weight: float = 1.0,
+        orientation_weight: float = 0.3,
+        target_noise: Literal["auto"] | tuple[float, float] | None = "auto",
+        swivel_reference: ArrayLike | None = None,
+        timeout: float = 0.1,
+    ) -> Self: ...
+    def reset(self, q: ArrayLike, qd: ArrayLike | None = None) -> None:
+        """Starts from joint positions and velocities; comes before the first `update`.
+
+        Args:
+            q: Joint positions `(n,)`, rad or m.
+            qd: Joint velocities `(n,)`, rad/s or m/s; None is rest.
+
+        Raises:
+            RedundancyError: Wrong sizes, numbers that are not finite, a position or velocity outside of its
+                limit, a velocity from which the joint cannot brake before its position limit.
+        """
+    def update(
+        self,
+        target_pose: _Pose | None,
+        target_velocity: ArrayLike | None = None,
+        desired_swivel: float | None = None,
+        desired_elbow: ArrayLike | None = None,
+    ) -> ServoTick:
+        """One tick.
+
+        Args:
+            target_pose: Pose of the tool `(4, 4)`, base frame; None for no new target. One that is not finite or
+                not rigid is ignored, and the reason says so.
+            target_velocity: Its velocity `(6,)` where it is known: linear and angular, base axes, m/s and rad/s.
+            desired_swivel: Swivel angle to follow from now on, rad.
+            desired_elbow: Point `(3,)`, base frame, m: of the solutions for the pose the one whose elbow is
+                nearest to it.
+
+        Raises:
+            RedundancyError: No `reset` before, wrong shapes.
+        """
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+    @property
+    def dt(self) -> float:
+        """Length of a tick, s."""
+
+@final
+class ServoTick:
+    """What one tick of a servo did."""
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """Joint positions to send `(n,)`, rad or m."""
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """Joint velocities `(n,)`: `q` minus the one before, by `dt`."""
+    @property
+    def qdd(self) -> NDArray[np.float64]:
+        """Joint accelerations `(n,)`: `qd` minus the one before, by `dt`."""
+    @property
+    def status(self) -> Status:
+        """`converged` (0.1 mm, 1 mrad), `tracking` (behind the target), `unreachable`, `limits`, `no_target`."""
+    @property
+    def reason(self) -> str | None:
+        """Why, in words; None where there is nothing to explain."""
+    @property
+    def position_error(self) -> float:
+        """Distance of the tool from the target, m; 0 where there has been no target."""
+    @property
+    def orientation_error(self) -> float:
+        """Angle of the tool to the target, rad."""
+    @property
+    def scale(self) -> float:
+        """Share of the target's velocity with which the tool follows it, in [0, 1]; 1 for a target at rest."""
+    @property
+    def time_to_stop(self) -> float:
+        """Time until the arm would have to stop or flip at the present tool velocity, s; inf if none is seen."""
+    @property
+    def active_limits(self) -> list[tuple[str, str, str]]:
+        """Limits that acted: name of the joint, which limit, which side."""
+
+@final
 class Track(Plan):
     """The result of following a path in closed loop, one row every `dt`.
 
@@ -2798,6 +2929,55 @@ def closed_form(chain: Chain | _ClosedForm) -> _ClosedForm | None:
         'swivel'
         >>> rd.closed_form(rd.catalog.load("puma560")).name
         'spherical_wrist'
+    """
+
+def pose_metrics(
+    chain: Chain | _ClosedForm,
+    poses: Any,
+    metrics: list[str],
+    freedom: ToolFreedom | None = None,
+    *,
+    scene: Scene | None = None,
+    links: LinkGeometry | None = None,
+    self_collision: str | bool = "auto",
+    out: dict[str, NDArray[Any]] | None = None,
+    threads: int | None = None,
+) -> dict[str, NDArray[Any]]:
+    """What an arm can do at many poses; `redundancy.maps.metrics` and `maps.best_margin` call it.
+
+    Args:
+        chain: The arm, a `Chain` or an arm with a closed form.
+        poses: Poses `(N, 4, 4)` or `(4, 4)` in the world.
+        metrics: Names: `"reachable"` (a configuration within the joint limits exists), `"margin"` (the largest
+            possible least distance from a joint limit, rad or m; negative by how much the worst joint misses its limits
+            at best, `-inf` where no configuration exists), `"proven"` (that margin is proven to be the largest),
+            `"swivel_measure"` (how much of the self-motion holds the limits in the union of all branches: radians of
+            the swivel or of q7, else the length in joint space), `"manipulability"` (`det(J J^T)` at the margin's
+            configuration, 0 where there is none), `"spin_share"` (the feasible share of the allowed spins),
+            `"clearance"` (least distance from the scene and between links at the margin's configuration, m; `-inf`
+            where there is none).
+        freedom: How far the tool may tilt and spin away from each pose. The margin is then the best that a search
+            finds and not proven.
+        scene: Obstacles, for the clearance.
+        links: Shapes of the links, for the clearance; without it capsules of radius 0.05 m from joint to joint.
+        self_collision: Whether links count among each other; `"auto"`: if `links` has pairs.
+        out: Arrays `(N,)` by the name of the metric (bool for `reachable` and `proven`, else float64) that are filled
+            instead of new ones.
+        threads: Threads to use; all cores by default. The bits do not depend on it.
+
+    Returns:
+        The arrays `(N,)` by the name of the metric.
+
+    Raises:
+        RedundancyError: An unknown metric, a pose that is not rigid or finite, an array of another kind or length, a
+            clearance without scene or links with pairs.
+
+    Example:
+        >>> import redundancy as rd
+        >>> chain = rd.catalog.load("iiwa14")
+        >>> pose = chain.forward([0.3, 0.5, -0.2, 1.1, 0.4, 0.7, -0.9])
+        >>> float(rd.maps.metrics(chain, pose, ["margin"])["margin"][0]) > 0.5
+        True
     """
 
 def solutions(

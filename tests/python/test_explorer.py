@@ -486,6 +486,29 @@ def test_malformed_messages_end_nothing(view):
     assert view.pose.u == pytest.approx(np.deg2rad(10.0))
 
 
+def test_pages_of_other_addresses_cannot_steer_it(view):
+    import msgspec
+    import viser
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect
+
+    u = view.pose.u
+    slider = view.pose_panel.slider._impl.uuid
+    moved = msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": 77.0}})
+    address, protocol = view.url.replace("http", "ws"), [f"viser-v{viser.__version__}"]
+    origin = "http://elsewhere.example"
+    with (
+        connect(address, subprotocols=protocol, origin=origin, max_size=None) as socket,
+        pytest.raises(ConnectionClosed),
+    ):
+        for _ in range(200):
+            socket.send(moved)
+            socket.recv(timeout=5.0)
+    view.settle()
+    assert view.pose.u == u
+    assert "another address" in view.notices.content
+
+
 def test_values_that_cannot_be_are_said_in_the_page(view):
     view.call(lambda: view.scene_panel.add_one("sphere"))
     for size in (0.0, 1e9):

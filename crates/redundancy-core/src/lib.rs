@@ -14,7 +14,7 @@
 //!
 //! # Rooms
 //! The modules are called rooms. A room uses only rooms to its left:
-//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> planning`;
+//! `rotation -> joint_space -> chain -> kinematics -> path, scene -> criterion -> solutions -> { ik | velocity | optimum | timing } -> { planning | streaming }`;
 //! the files status, error, tolerance, watch and parallel at the root may be used everywhere.
 //!
 //! `Err` means invalid input; [`Status`] is the outcome of a computation on valid input.
@@ -48,6 +48,7 @@ pub mod planning;
 pub mod rotation;
 pub mod scene;
 pub mod solutions;
+pub mod streaming;
 pub mod timing;
 pub mod tolerance;
 pub mod velocity;

@@ -68,11 +68,22 @@ pub fn rotation_from_matrix(what: &str, matrix: &Matrix3<f64>) -> Result<Rotatio
     Ok(Rotation3::from_matrix_unchecked(checked_rotation(what, matrix)?))
 }
 
+/// Why a matrix is no rotation: in words, what was measured, and the largest value of that; without one it has to be 1.
+struct NoRotation(&'static str, f64, Option<f64>);
+
 /// `rotation` as it is where it is orthonormal to [`ROTATION_ORTHONORMAL`]; the nearest rotation where that is within
 /// [`ROTATION_NEAR`]. Its entries are finite.
 pub(crate) fn checked_rotation(what: &str, rotation: &Matrix3<f64>) -> Result<Matrix3<f64>> {
-    let error =
-        |reason, measured, bound: String| Err(Error::NotRigid { what: what.into(), reason, measured, bound });
+    near_rotation(rotation).map_err(|NoRotation(reason, measured, most)| Error::NotRigid {
+        what: what.into(),
+        reason,
+        measured,
+        bound: most.map_or_else(|| "1".into(), |most| format!("at most {most:e}")),
+    })
+}
+
+/// [`checked_rotation`] without a text, so that nothing is allocated.
+fn near_rotation(rotation: &Matrix3<f64>) -> std::result::Result<Matrix3<f64>, NoRotation> {
     let square = rotation.tr_mul(rotation);
     let exact = (square - Matrix3::identity()).amax() <= ROTATION_ORTHONORMAL;
     if !exact {
@@ -83,22 +94,26 @@ pub(crate) fn checked_rotation(what: &str, rotation: &Matrix3<f64>) -> Result<Ma
             .iter()
             .fold(0.0_f64, |most, value| most.max((value.max(0.0).sqrt() - 1.0).abs()));
         if distance.is_nan() || distance > ROTATION_NEAR {
-            return error(
-                "the rotation part is not orthonormal, its distance from the nearest rotation",
-                distance,
-                format!("at most {ROTATION_NEAR:e}"),
-            );
+            let reason = "the rotation part is not orthonormal, its distance from the nearest rotation";
+            return Err(NoRotation(reason, distance, Some(ROTATION_NEAR)));
         }
     }
     let determinant = rotation.determinant();
     if determinant < 0.0 {
-        return error(
-            "the rotation part is a reflection (axes of a left-handed frame), its determinant",
-            determinant,
-            "1".into(),
-        );
+        let reason = "the rotation part is a reflection (axes of a left-handed frame), its determinant";
+        return Err(NoRotation(reason, determinant, None));
     }
     Ok(if exact { *rotation } else { nearest_rotation(rotation) })
+}
+
+/// [`checked_pose`] for a control step: `None` instead of an error, and nothing is allocated.
+pub(crate) fn rigid_pose(pose: &Pose) -> Option<Pose> {
+    let finite = pose.translation.vector.iter().chain(pose.rotation.matrix()).all(|x| x.is_finite());
+    if !finite {
+        return None;
+    }
+    let rotation = near_rotation(pose.rotation.matrix()).ok()?;
+    Some(Pose::from_parts(pose.translation, Rotation3::from_matrix_unchecked(rotation)))
 }
 
 /// The polar factor of a matrix within [`ROTATION_NEAR`] of a rotation: the rotation nearest to it in every unitarily

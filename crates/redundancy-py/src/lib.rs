@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 
 mod arms;
 mod batch;
+mod capability;
 mod chain;
 mod check;
 mod closed_form;
@@ -41,6 +42,7 @@ mod self_motion;
 mod solutions;
 mod speed;
 mod status;
+mod streaming;
 mod task;
 mod velocity;
 mod watch;
@@ -51,6 +53,8 @@ mod _core {
 
     #[pymodule_export]
     use arms::{PyConfigurations, PyPandaClassArm, PyParallelAxesArm, PySphericalWristArm};
+    #[pymodule_export]
+    use capability::pose_metrics;
     #[pymodule_export]
     use chain::{PyChain, catalog_load, catalog_names};
     #[pymodule_export]
@@ -111,6 +115,8 @@ mod _core {
     use solutions::{PyPiece, PySolution, PySolutions, py_solutions};
     #[pymodule_export]
     use speed::{PyMaxSpeed, PyOrientationRule, PySpeedProfile, py_fastest_profile, py_max_speed};
+    #[pymodule_export]
+    use streaming::{PyServo, PyServoTick};
     #[pymodule_export]
     use task::PyTask;
     #[pymodule_export]

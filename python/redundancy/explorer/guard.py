@@ -8,6 +8,7 @@ and reported, and the connection lives on.
 import math
 from collections.abc import Callable
 from typing import Any
+from urllib.parse import urlsplit
 
 import viser
 
@@ -15,6 +16,8 @@ LARGEST_MESSAGE = 16 * 1024 * 1024
 """Largest message that is read, bytes: pictures of the page are the largest ones."""
 LONGEST_TEXT = 100_000
 """Longest text in a control."""
+POLICY_VIOLATION = 1008
+"""Code of a web socket that is closed because it must not be open."""
 SHOWN = 80
 """Characters of a reason that the page shows."""
 DEEPEST = 8
@@ -35,10 +38,20 @@ def watch(server: viser.ViserServer, refused: Callable[[str], None]) -> None:
     socket = server._websock_server
 
     def guard(client: Any) -> None:
-        connection = socket._live_connections.get(client.client_id)
+        connection: Any = socket._live_connections.get(client.client_id)
         if connection is None:
             return
         receive = connection.recv
+
+        if foreign(connection):
+            refused("a page of another address wants to steer this explorer")
+
+            async def closed(*args: Any, **options: Any) -> Any:
+                await connection.close(POLICY_VIOLATION, "opened by a page of another address")
+                return await receive(*args, **options)
+
+            connection.recv = closed
+            return
 
         async def checked(*args: Any, **options: Any) -> Any:
             while True:
@@ -48,9 +61,16 @@ def watch(server: viser.ViserServer, refused: Callable[[str], None]) -> None:
                     return raw
                 refused(reason[:SHOWN])
 
-        connection.recv = checked  # type: ignore[method-assign]
+        connection.recv = checked
 
     socket.on_client_connect(guard)
+
+
+def foreign(connection: Any) -> bool:
+    """Whether a page that is not the explorer's own opened a connection: any page in a browser here could try."""
+    headers = connection.request.headers
+    origin = headers.get("Origin")
+    return origin is not None and urlsplit(origin).netloc != headers.get("Host")
 
 
 def fault(raw: Any) -> str | None:

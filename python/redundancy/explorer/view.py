@@ -283,6 +283,10 @@ def record(view: View) -> str:
     """The animation of `View.recording`."""
     arm, lines = view.pose_panel.arm, view.path.lines
     second = view.path_panel.second
+    gizmos = view.pose_panel.gizmo, view.scene_panel.gizmo
+    shown = [gizmo.visible for gizmo in gizmos]
+    for gizmo in gizmos:  # nothing can be dragged in a recording
+        gizmo.visible = False
     recorder = view.server.get_scene_serializer()
     if lines:
         count = min(int(np.ceil(view.path.duration / RECORDED_STEP)) + 1, MOST_RECORDED)
@@ -301,6 +305,8 @@ def record(view: View) -> str:
     else:
         recorder.insert_sleep(RECORDED_STEP)
     html = str(recorder.as_html())
+    for gizmo, before in zip(gizmos, shown, strict=True):
+        gizmo.visible = before
     arm.show(view.pose.q, view.pose.shares)
     return html
 

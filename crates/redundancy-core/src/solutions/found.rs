@@ -11,6 +11,7 @@ use super::curve::SelfMotionCurve;
 use super::lines::reach;
 use super::search;
 use super::solutions::{Solution, Solutions, check_margin, check_piece};
+use super::widest;
 use crate::chain::Chain;
 use crate::criterion::Criterion;
 use crate::error::{Error, Result, check_finite, check_length};
@@ -239,6 +240,23 @@ impl Solutions for TracedCurves {
     fn best(&self, criterion: &dyn Criterion) -> Result<Option<Solution>> {
         search::best(self, criterion)
     }
+
+    fn best_margin(&self) -> Result<Option<Solution>> {
+        widest::best_margin(self)
+    }
+
+    fn proves_margin(&self, _margin: f64) -> bool {
+        self.proven()
+    }
+
+    fn feasible_measure(&self) -> Result<f64> {
+        let lengths = self
+            .curves
+            .iter()
+            .zip(self.arcs())
+            .map(|(curve, arcs)| arcs.iter().map(|[lo, hi]| hi - lo).sum::<f64>().min(curve.length()));
+        Ok(lengths.sum())
+    }
 }
 
 /// Configurations over one task value that Newton's method finds from seeded random starts.
@@ -363,5 +381,17 @@ impl Solutions for FoundPoints {
 
     fn best(&self, criterion: &dyn Criterion) -> Result<Option<Solution>> {
         search::best(self, criterion)
+    }
+
+    fn best_margin(&self) -> Result<Option<Solution>> {
+        widest::best_margin(self)
+    }
+
+    fn proves_margin(&self, _margin: f64) -> bool {
+        self.proven()
+    }
+
+    fn feasible_measure(&self) -> Result<f64> {
+        Ok(0.0)
     }
 }

@@ -4,6 +4,7 @@
 //! recognises such arms from their geometry; [`SelfMotion`] is the set over one pose and [`Branch`] one circle of
 //! it, with the exact arcs on which the joint limits hold.
 
+mod capability;
 pub mod closed_form;
 mod continuation;
 mod curve;
@@ -14,7 +15,9 @@ mod patch;
 pub(crate) mod search;
 #[allow(clippy::module_inception)] // the trait's file has the name of the trait
 mod solutions;
+mod widest;
 
+pub use capability::{Capability, CapabilitySettings, Measures, Metric};
 pub use closed_form::panda_class::{PandaClassArm, PandaMotion};
 pub use closed_form::parallel_axes::{ParallelAxesArm, ParallelAxesConfigurations};
 pub use closed_form::spherical_wrist::{Configurations, SphericalWristArm};
@@ -32,6 +35,7 @@ pub use patch::self_motion_patch;
 pub(crate) use search::room;
 pub use solutions::{Solution, Solutions};
 pub(crate) use solutions::{check_margin, check_piece};
+pub(crate) use widest::best_margin;
 
 // What the closed forms share.
 pub(crate) use closed_form::srs::{

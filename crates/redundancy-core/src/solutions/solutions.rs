@@ -109,6 +109,24 @@ pub trait Solutions: Debug + Send + Sync {
     /// # Errors
     /// A criterion for another number of joints.
     fn best(&self, criterion: &dyn Criterion) -> Result<Option<Solution>>;
+
+    /// The configuration with the largest margin: the least distance (rad or m) of a joint from a limit in its best winding, which is
+    /// the `value`; negative by how much the worst joint is outside where no configuration holds the limits. `None` where there is
+    /// no configuration at all. [`Solutions::proves_margin`] says more than `proven`.
+    ///
+    /// # Errors
+    /// A piece that cannot be evaluated.
+    fn best_margin(&self) -> Result<Option<Solution>>;
+
+    /// Whether it is proven that no configuration has a margin above `margin` and a few 1e-10.
+    fn proves_margin(&self, margin: f64) -> bool;
+
+    /// How much of the self-motion holds the joint limits, in the union of all pieces: radians of the parameter that the closed form
+    /// is named after, the length in joint space where there is none, 0 for isolated configurations.
+    ///
+    /// # Errors
+    /// A piece that cannot be evaluated.
+    fn feasible_measure(&self) -> Result<f64>;
 }
 
 /// Checks the number of a piece.

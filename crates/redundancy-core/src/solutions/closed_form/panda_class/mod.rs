@@ -47,6 +47,7 @@ mod ring;
 mod solutions;
 mod target;
 mod walk;
+mod widest;
 
 pub use arm::PandaClassArm;
 pub use motion::PandaMotion;

@@ -141,16 +141,22 @@ impl<'a> Proof<'a> {
 
     /// Whether no configuration over the pose holds the joint limits.
     pub fn nothing_within_limits(&self) -> bool {
+        self.nothing_with_margin(0.0, PROOF_SHORTEST)
+    }
+
+    /// Whether no configuration over the pose holds limits that are moved inwards by `margin`, which may be negative; parts of
+    /// less than `shortest` are not divided.
+    pub fn nothing_with_margin(&self, margin: f64, shortest: f64) -> bool {
         let Ok(rings) = Ring::all(self.target) else { return true };
         let mut looked = 0;
         for ring in &rings {
             let mut stack: Vec<[f64; 2]> = parts().collect();
             while let Some([a, b]) = stack.pop() {
                 looked += 1;
-                if self.is_outside(&ring.ranges(between(a, b))) {
+                if self.is_outside(&ring.ranges(between(a, b)), margin) {
                     continue;
                 }
-                if b - a < PROOF_SHORTEST || looked > MOST_PARTS {
+                if b - a < shortest || looked > MOST_PARTS {
                     return false;
                 }
                 let m = 0.5 * (a + b);
@@ -160,12 +166,12 @@ impl<'a> Proof<'a> {
         true
     }
 
-    /// Whether a joint is outside its limits all over a part.
-    fn is_outside(&self, ranges: &Ranges) -> bool {
+    /// Whether a joint is outside its limits, moved inwards by `margin`, all over a part.
+    fn is_outside(&self, ranges: &Ranges, margin: f64) -> bool {
         let Inner { lower, upper, .. } = self.inner;
         let misses = |i: usize, q: Interval| {
             let wider = Interval { lo: q.lo - PROOF_MARGIN, hi: q.hi + PROOF_MARGIN };
-            wider.misses(lower[i], upper[i])
+            wider.misses(lower[i] + margin, upper[i] - margin)
         };
         if misses(3, ranges.y - point(self.geometry().zero4))
             || misses(6, ranges.x - point(self.target.zero7))

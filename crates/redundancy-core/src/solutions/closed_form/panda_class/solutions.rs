@@ -100,6 +100,18 @@ impl Solutions for PandaMotion {
         let found = self.softest(std::array::from_fn(|i| springs[i]));
         Ok(found.map(|found| Solution { value: criterion.value(&found.q), ..found }))
     }
+
+    fn best_margin(&self) -> Result<Option<Solution>> {
+        Ok(self.widest())
+    }
+
+    fn proves_margin(&self, margin: f64) -> bool {
+        self.arm.exact() && self.has_no_margin_above(margin)
+    }
+
+    fn feasible_measure(&self) -> Result<f64> {
+        Ok(self.feasible_q7())
+    }
 }
 
 impl PandaClassArm {

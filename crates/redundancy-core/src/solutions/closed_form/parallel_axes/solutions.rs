@@ -9,7 +9,7 @@ use crate::error::{Error, Result, check_finite, check_length};
 use crate::joint_space::outside;
 use crate::pose::{Pose, checked_pose};
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
-use crate::solutions::{Solution, Solutions, check_margin, check_piece, room, search};
+use crate::solutions::{Solution, Solutions, best_margin, check_margin, check_piece, room, search};
 use crate::status::Status;
 
 /// Every configuration over one pose.
@@ -184,6 +184,18 @@ impl Solutions for ParallelAxesConfigurations {
     fn best(&self, criterion: &dyn Criterion) -> Result<Option<Solution>> {
         check_dof(criterion, 6)?;
         search::best(self, criterion)
+    }
+
+    fn best_margin(&self) -> Result<Option<Solution>> {
+        best_margin(self)
+    }
+
+    fn proves_margin(&self, _margin: f64) -> bool {
+        self.proven()
+    }
+
+    fn feasible_measure(&self) -> Result<f64> {
+        Ok(0.0)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::error::{Error, Result, check_finite, check_length};
 use crate::joint_space::TURN;
 use crate::pose::Pose;
 use crate::solutions::closed_form::{ClosedForm, Defect, sign_label};
-use crate::solutions::{Solution, Solutions, check_margin, check_piece, room, search};
+use crate::solutions::{Solution, Solutions, best_margin, check_margin, check_piece, room, search};
 use crate::status::Status;
 
 /// Values of a joint that the pose leaves free at which a criterion is compared before the best is refined.
@@ -192,6 +192,18 @@ impl Solutions for Configurations {
             return Ok(self.best_of_families(criterion));
         }
         search::best(self, criterion)
+    }
+
+    fn best_margin(&self) -> Result<Option<Solution>> {
+        best_margin(self)
+    }
+
+    fn proves_margin(&self, _margin: f64) -> bool {
+        self.proven()
+    }
+
+    fn feasible_measure(&self) -> Result<f64> {
+        Ok(0.0)
     }
 }
 

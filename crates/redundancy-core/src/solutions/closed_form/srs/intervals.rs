@@ -212,6 +212,15 @@ impl Arcs {
         self.arcs.iter().chain(&self.points).all(|m| *m == 0)
     }
 
+    /// How much of the circle some branch holds its limits on, rad.
+    pub(super) fn covered(&self) -> f64 {
+        if self.cuts.is_empty() {
+            return if self.arcs[0] == 0 { 0.0 } else { TURN };
+        }
+        let length = |i: usize| around(&self.cuts, i + 1) - self.cuts[i];
+        (0..self.cuts.len()).filter(|i| self.arcs[*i] != 0).map(length).sum()
+    }
+
     /// Whether a branch holds its limits at `s`, which is not a cut.
     pub(super) fn holds(&self, branch: usize, s: f64) -> bool {
         let s = wrap(s);

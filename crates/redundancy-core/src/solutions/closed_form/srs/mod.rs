@@ -15,6 +15,7 @@ mod solutions;
 mod spherical;
 mod spring_search;
 mod stretches;
+mod widest;
 
 pub use arm::{SrsArm, Swivel};
 pub use batch::{BatchChoice, BranchInterval};

@@ -144,6 +144,18 @@ impl Solutions for SelfMotion {
     fn best(&self, criterion: &dyn Criterion) -> Result<Option<Solution>> {
         Ok(SelfMotion::best(self, criterion)?.map(|choice| self.solution(choice)))
     }
+
+    fn best_margin(&self) -> Result<Option<Solution>> {
+        Ok(SelfMotion::best_margin(self).map(|choice| self.solution(choice)))
+    }
+
+    fn proves_margin(&self, margin: f64) -> bool {
+        SelfMotion::proven(self) && self.has_no_margin_above(margin)
+    }
+
+    fn feasible_measure(&self) -> Result<f64> {
+        Ok(self.feasible_swivel())
+    }
 }
 
 impl ClosedForm for SrsArm {
