@@ -130,7 +130,7 @@ impl PandaMotion {
     fn q7_over(&self, sheet: &Sheet, [lo, hi]: [f64; 2]) -> [f64; 2] {
         let mut at: SmallVec<[f64; 32]> = SmallVec::from_slice(&[lo, hi]);
         let mut add = |u: f64| {
-            let after = lo + wrap(u - lo).rem_euclid(TURN);
+            let after = nearest(u, lo + PI);
             if after < hi {
                 at.push(after);
             }
