@@ -666,6 +666,30 @@ class Trajectory:
     @property
     def section(self) -> NDArray[np.str_] | None:
         """Per row `lead_in`, `path` or `lead_out` `(N,)`, where that is known. A copy."""
+    def joined(self, other: Trajectory) -> Trajectory:
+        """This motion and then another that begins where it ends.
+
+        The last row of this one is the first of the other, whose times follow. Accelerations are kept where both
+        motions have them.
+
+        Args:
+            other: A motion of the same joints; its first row has the positions (within 1e-6 rad or m) and the
+                velocities of the last row of this one.
+
+        Returns:
+            A trajectory with the rows of both, N + M - 1.
+
+        Raises:
+            RedundancyError: Other joints, positions or velocities that differ where the two meet.
+
+        Example:
+            >>> import redundancy as rd
+            >>> arm = rd.catalog.load("panda")
+            >>> a, b = [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0]
+            >>> move = rd.joint_move(arm, a, b).joined(rd.joint_move(arm, b, a))
+            >>> rd.check(arm, move).ok
+            True
+        """
     def sample(
         self, t: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -3540,7 +3564,8 @@ def check(
             may be in any order.
         path: The path that the tool should follow, except in rows of the sections `lead_in` and `lead_out`.
         scene: Obstacles.
-        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default. Pairs of a
+            `LinkGeometry` must not touch each other: `self_collision`.
         velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
         acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
         jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.

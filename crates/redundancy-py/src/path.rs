@@ -786,6 +786,32 @@ impl PyTrajectory {
         py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U"))).map(Some)
     }
 
+    /// This motion and then another that begins where it ends.
+    ///
+    /// The last row of this one is the first of the other, whose times follow. Accelerations are kept where both
+    /// motions have them.
+    ///
+    /// Args:
+    ///     other: A motion of the same joints; its first row has the positions (within 1e-6 rad or m) and the
+    ///         velocities of the last row of this one.
+    ///
+    /// Returns:
+    ///     A trajectory with the rows of both, N + M - 1.
+    ///
+    /// Raises:
+    ///     RedundancyError: Other joints, positions or velocities that differ where the two meet.
+    ///
+    /// Example:
+    ///     >>> import redundancy as rd
+    ///     >>> arm = rd.catalog.load("panda")
+    ///     >>> a, b = [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0]
+    ///     >>> move = rd.joint_move(arm, a, b).joined(rd.joint_move(arm, b, a))
+    ///     >>> rd.check(arm, move).ok
+    ///     True
+    fn joined(&self, other: &Bound<'_, Self>) -> PyResult<Self> {
+        self.trajectory.joined(&other.get().trajectory).map(Self::from).map_err(to_py)
+    }
+
     /// Position, velocity, acceleration and jerk of the trajectory's own interpolation.
     ///
     /// Between two rows it is the quintic polynomial through position, velocity and acceleration of both where the

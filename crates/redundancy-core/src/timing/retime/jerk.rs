@@ -156,9 +156,11 @@ pub(super) struct JerkLaw {
 /// The barrier problem over one stretch.
 struct Barrier<'a> {
     nodes: &'a Nodes,
-    /// Acceleration limits by node and joint (times the share), jerk limits likewise.
+    /// One over the acceleration limits by node and joint (times the share), 0 without one; jerk limits likewise.
     acceleration: Vec<f64>,
     jerk: Vec<f64>,
+    /// Number of joints with a jerk limit.
+    jerks: f64,
     /// `[low, high]` torque left for the motion.
     torque: Vec<[f64; 2]>,
     most: Vec<f64>,
@@ -208,7 +210,7 @@ impl<'a> Barrier<'a> {
         let each = |limit: &[f64], power: f64| -> Vec<f64> {
             (0..=last)
                 .flat_map(|k| (0..n).map(move |j| (k, j)))
-                .map(|(k, j)| limit[j] * share[k].powf(power))
+                .map(|(k, j)| 1.0 / (limit[j] * share[k].powf(power)))
                 .collect()
         };
         let torque = match &settings.torque_limits {
@@ -221,6 +223,7 @@ impl<'a> Barrier<'a> {
             nodes,
             acceleration: each(&settings.acceleration_limits, 1.0),
             jerk: each(jerk, 1.5),
+            jerks: jerk.iter().filter(|limit| limit.is_finite()).count() as f64,
             torque,
             most: nodes.most.iter().zip(share).map(|(most, share)| most * share).collect(),
             value,
@@ -228,10 +231,10 @@ impl<'a> Barrier<'a> {
             constraints: 0.0,
             free: [if rest[0] { 2 } else { 0 }, if rest[1] { last - 1 } else { last + 1 }],
         };
-        let finite = |v: &[f64]| v.iter().filter(|v| v.is_finite()).count();
-        out.constraints = (finite(&out.most)
-            + 2 * finite(&out.acceleration)
-            + 4 * finite(&out.jerk)
+        let limits = |v: &[f64]| v.iter().filter(|v| **v > 0.0).count();
+        out.constraints = (out.most.iter().filter(|v| v.is_finite()).count()
+            + 2 * limits(&out.acceleration)
+            + 4 * limits(&out.jerk)
             + 2 * out.torque.iter().filter(|t| t[1].is_finite()).count()) as f64;
         out
     }
@@ -248,7 +251,7 @@ impl<'a> Barrier<'a> {
         for (k, bound) in self.most.iter().enumerate() {
             most = most.min(*bound);
             for i in k * n..(k + 1) * n {
-                most = most.min(self.acceleration[i] / self.nodes.second[i].abs());
+                most = most.min(1.0 / (self.acceleration[i] * self.nodes.second[i].abs()));
                 if let Some([low, high]) = self.torque.get(i) {
                     let d = self.nodes.dynamic[i];
                     most = most.min(if d > 0.0 { high / d } else { low / d });
@@ -258,7 +261,8 @@ impl<'a> Barrier<'a> {
         for (k, ends) in self.nodes.third.iter().enumerate() {
             for (end, third) in ends.iter().enumerate() {
                 for j in 0..n {
-                    most = most.min((self.jerk[(k + end) * n + j] / third[j].abs()).powf(2.0 / 3.0));
+                    let share = self.jerk[(k + end) * n + j] * third[j].abs();
+                    most = most.min(share.powf(-2.0 / 3.0));
                 }
             }
         }
@@ -269,6 +273,7 @@ impl<'a> Barrier<'a> {
     fn evaluate(&self, c: &[f64], mut quadratic: Option<(&mut Quadratic, f64)>) -> Option<[f64; 2]> {
         let (n, last) = (self.nodes.n, self.nodes.h.len());
         let (mut duration, mut barrier) = (0.0, 0.0);
+        let derivatives = quadratic.is_some();
         if let Some((q, _)) = &mut quadratic {
             q.gradient.iter_mut().for_each(|g| *g = 0.0);
             q.hessian.iter_mut().for_each(|h| *h = [0.0; 3]);
@@ -296,15 +301,15 @@ impl<'a> Barrier<'a> {
             }
             let mut product = 1.0;
             for i in k * n..(k + 1) * n {
-                let most = self.acceleration[i];
-                if most.is_finite() {
-                    let (b, a) = (self.nodes.second[i] / most, 0.5 * self.nodes.first[i] / most);
-                    let value = b * x + a * dx;
-                    let (up, down) = (1.0 - value, 1.0 + value);
-                    if up <= 0.0 || down <= 0.0 {
-                        return None;
-                    }
-                    product *= up * down;
+                let over = self.acceleration[i];
+                let (b, a) = (self.nodes.second[i] * over, 0.5 * self.nodes.first[i] * over);
+                let value = b * x + a * dx;
+                let (up, down) = (1.0 - value, 1.0 + value);
+                if up <= 0.0 || down <= 0.0 {
+                    return None;
+                }
+                product *= up * down;
+                if derivatives {
                     two_sided(&mut g, &mut s, [b, a], 1.0 / up, 1.0 / down);
                 }
                 if let Some([low, high]) = self.torque.get(i)
@@ -317,7 +322,9 @@ impl<'a> Barrier<'a> {
                         return None;
                     }
                     product *= up * down / (high * -low);
-                    two_sided(&mut g, &mut s, [b, a], 1.0 / up, 1.0 / down);
+                    if derivatives {
+                        two_sided(&mut g, &mut s, [b, a], 1.0 / up, 1.0 / down);
+                    }
                 }
             }
             barrier -= product.ln();
@@ -364,6 +371,7 @@ impl<'a> Barrier<'a> {
         let slopes = [[d[0][0], d[0][1], 0.0], [0.0, d[1][0], d[1][1]]];
         let bends: [f64; 3] = std::array::from_fn(|i| (slopes[1][i] - slopes[0][i]) / h);
         let mut barrier = 0.0;
+        let derivatives = quadratic.is_some();
         let (mut gradient, mut hessian) = ([0.0; 3], [[0.0; 3]; 3]);
         for (end, (x, dx)) in [(x0, d0), (x1, d1)].into_iter().enumerate() {
             let root = x.sqrt();
@@ -372,12 +380,11 @@ impl<'a> Barrier<'a> {
             let third = &self.nodes.third[k][end];
             for j in 0..n {
                 let i = (k + end) * n + j;
-                let most = self.jerk[i];
-                if !most.is_finite() {
+                // Everything in units of the bound J / sqrt(x).
+                let scale = root * self.jerk[i];
+                if scale == 0.0 {
                     continue;
                 }
-                // Everything in units of the bound J / sqrt(x).
-                let scale = root / most;
                 let (a, b, e) =
                     (third[j] * scale, 1.5 * self.nodes.second[i] * scale, 0.5 * self.nodes.first[i] * scale);
                 let value = a * x + b * dx + e * bend;
@@ -386,15 +393,19 @@ impl<'a> Barrier<'a> {
                     return None;
                 }
                 product *= up * down;
+                if !derivatives {
+                    continue;
+                }
                 let drop = 0.5 / x;
                 rank_one(&mut g, &mut s, [drop + a, b, e], 1.0 / up);
                 rank_one(&mut g, &mut s, [drop - a, -b, -e], 1.0 / down);
             }
             // `ln` of the slack over its bound, and of the bound itself, which changes with x.
-            let limits = self.jerk[(k + end) * n..][..n].iter().filter(|j| j.is_finite()).count() as f64;
-            barrier += -product.ln() + limits * x.ln();
-            let basis = [rows[end], slopes[end], bends];
-            spread(&g, &s, &basis, &mut gradient, &mut hessian);
+            barrier += -product.ln() + self.jerks * x.ln();
+            if derivatives {
+                let basis = [rows[end], slopes[end], bends];
+                spread(&g, &s, &basis, &mut gradient, &mut hessian);
+            }
         }
         let root = 1.0 / middle.sqrt();
         let weight = 4.0 * h / 6.0;

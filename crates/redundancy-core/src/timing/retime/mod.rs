@@ -9,8 +9,9 @@
 //! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there.
 //! 2. Straight lines have the closed form of [`straight`]; other stretches are solved by two passes ([`two_pass`]) or, with
 //!    jerk limits, by a barrier method ([`jerk`]).
-//! 3. What counts is the trajectory that is returned, as its own interpolation has it: it is measured at twenty places of each
-//!    interval. Where a limit is exceeded the limits near it are tightened and the stretch is solved again; what is left
+//! 3. The limits hold for the trajectory that is returned, as its own interpolation has it. It is measured between the
+//!    rows too: velocities, accelerations and jerks at their extremes, torques and the tool's speed at samples. Where a
+//!    limit is exceeded the limits near it are tightened and the stretch is solved again; what is left
 //!    after that is removed by slowing the whole stretch down evenly, which `stretched` reports.
 //!
 //! Rows of the path stay rows, in order. Straight lines get rows where their phases change, and sparse paths rows in
@@ -18,6 +19,7 @@
 //!
 //! References: [PhamPham2018], [BoydVandenberghe2004].
 
+mod extremes;
 mod jerk;
 mod settings;
 mod straight;
@@ -30,7 +32,7 @@ pub use verify::{LimitKind, Limiting};
 
 use self::straight::StraightLaw;
 use self::stretch::{NodeLimits, Stretch};
-use self::verify::Motion;
+use self::verify::{Motion, NodeTorques};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
 use crate::path::{Event, EventKind, Section, Trajectory};
@@ -132,8 +134,8 @@ fn at_equal_intervals(
     let mut factor = 1.0;
     for _ in 0..EQUAL_ROUNDS {
         path_rows.copy_from_slice(&own_rows);
-        let even = motion.resampled(dt, path_rows);
-        let worst = even.excess(chain, settings)?.into_iter().fold(0.0, f64::max);
+        let mut even = motion.resampled(dt, path_rows);
+        let worst = even.excess(chain, settings, 1.0, None, None)?.into_iter().fold(0.0, f64::max);
         if worst <= 1.0 + UNSEEN {
             return Ok((even, factor));
         }
@@ -208,33 +210,37 @@ fn solve(
         return eased(chain, stretch, &limits, settings, rest);
     }
     let mut share = vec![1.0; stretch.nodes()];
-    let mut best: Option<(Motion, f64)> = None;
+    let mut rounds: Vec<Round> = Vec::new();
     for _ in 0..REPAIRS {
-        let motion = match &settings.jerk_limits {
-            None => second_order(stretch, &limits, settings, rest, &share)?,
+        let mut law = Vec::new();
+        let mut motion = match &settings.jerk_limits {
+            None => second_order(stretch, &limits, settings, rest, &share, &mut law)?,
             Some(jerk) => match third_order(stretch, &limits, settings, jerk, rest, &share) {
                 Some(motion) => motion,
-                None if best.is_some() => break,
-                None => return eased(chain, stretch, &limits, settings, rest),
+                None if rounds.is_empty() => return eased(chain, stretch, &limits, settings, rest),
+                None => break,
             },
         };
-        let excess = motion.excess(chain, settings)?;
+        let before = rounds.last().map(|round| (&round.motion, &round.excess[..]));
+        // With jerk limits and along the tool the torques at the nodes alone do not say enough.
+        let by_nodes = settings.jerk_limits.is_none() && settings.tool_speed.is_none();
+        let nodes = by_nodes.then_some(NodeTorques { limits: &limits, law: &law });
+        let excess = motion.excess(chain, settings, 1.0, before, nodes)?;
         let worst = excess.iter().copied().fold(1.0, f64::max);
-        let duration = motion.duration() * worst;
-        if best.as_ref().is_none_or(|(best, factor)| duration < best.duration() * factor) {
-            best = Some((motion, worst));
-        }
-        if worst <= 1.0 + GOOD_ENOUGH {
-            break;
-        }
         // The times of an interval that is too fast by a factor: both its ends, and their neighbours a little.
         for (k, factor) in excess.iter().enumerate() {
             let tighter = factor.powi(-2);
             share[k] = share[k].min(share[k] * tighter);
             share[k + 1] = share[k + 1].min(share[k + 1] * tighter);
         }
+        rounds.push(Round { motion, excess, worst });
+        if worst <= 1.0 + GOOD_ENOUGH {
+            break;
+        }
     }
-    let Some((mut motion, worst)) = best else {
+    let slowest = |round: &Round| round.motion.duration() * round.worst;
+    let best = rounds.into_iter().min_by(|a, b| slowest(a).total_cmp(&slowest(b)));
+    let Some(Round { mut motion, worst, .. }) = best else {
         return Err(Error::Invalid("no times within the limits were found for the path".into()));
     };
     // Between the places that were checked the motion may be a little faster still.
@@ -243,6 +249,13 @@ fn solve(
         motion.slow_down(factor);
     }
     Ok((motion, worst))
+}
+
+/// A motion, by what factor each of its intervals is too fast, and the largest of these factors.
+struct Round {
+    motion: Motion,
+    excess: Vec<f64>,
+    worst: f64,
 }
 
 /// Rounds of solving again with tighter limits where the motion exceeds them.
@@ -258,6 +271,7 @@ fn second_order(
     settings: &RetimeSettings,
     rest: [bool; 2],
     share: &[f64],
+    law: &mut Vec<[f64; 2]>,
 ) -> Result<Motion> {
     let x = two_pass::fastest(stretch, limits, settings, rest, share)
         .map_err(|k| Error::CannotFollow(format!("no speed at node {k} of the path is within the limits")))?;
@@ -265,13 +279,17 @@ fn second_order(
     let mut motion = Motion::new(n, false);
     let speed: Vec<f64> = x.iter().map(|x| x.max(0.0).sqrt()).collect();
     let mut t = 0.0;
+    let (mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..stretch.nodes() {
         let at = k * n..(k + 1) * n;
         let next = (k + 1).min(stretch.nodes() - 1);
         let here = next - 1;
         let u = (x[next] - x[here]) / (2.0 * (stretch.s[next] - stretch.s[here]));
-        let qd: Vec<f64> = stretch.d[at.clone()].iter().map(|d| d * speed[k]).collect();
-        let qdd: Vec<f64> = at.clone().map(|i| stretch.d[i] * u + stretch.dd[i] * x[k]).collect();
+        law.push([u, x[k]]);
+        for (j, i) in at.clone().enumerate() {
+            qd[j] = stretch.d[i] * speed[k];
+            qdd[j] = stretch.d[i] * u + stretch.dd[i] * x[k];
+        }
         motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
         if k + 1 < stretch.nodes() {
             t += 2.0 * (stretch.s[k + 1] - stretch.s[k]) / (speed[k] + speed[k + 1]);
@@ -338,7 +356,7 @@ fn eased(
     if rest == [true; 2] {
         motion.rest_at_ends();
     }
-    let worst = motion.excess(chain, settings)?.into_iter().fold(0.0, f64::max);
+    let worst = motion.excess(chain, settings, 0.0, None, None)?.into_iter().fold(0.0, f64::max);
     motion.slow_down(worst * (1.0 + UNSEEN));
     let dense;
     let (reference, its_limits) = if stretch.nodes() > 2 {
@@ -348,7 +366,7 @@ fn eased(
         (&dense, &NodeLimits::new(chain, &dense, settings)?)
     };
     let share = vec![1.0; reference.nodes()];
-    let fastest = second_order(reference, its_limits, settings, rest, &share)?.duration();
+    let fastest = second_order(reference, its_limits, settings, rest, &share, &mut Vec::new())?.duration();
     let factor = (motion.duration() / fastest).max(1.0);
     Ok((motion, factor))
 }
