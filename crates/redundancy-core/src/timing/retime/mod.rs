@@ -6,7 +6,8 @@
 //! jerk where one is given.
 //!
 //! # Method
-//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there.
+//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there. Corners may be replaced by
+//!    curves near them ([`blend`]), which the arm passes without a stop.
 //! 2. Straight lines have the closed form of [`straight`]; other stretches are solved by two passes ([`two_pass`]) or, with
 //!    jerk limits, by a barrier method ([`jerk`]).
 //! 3. The limits hold for the trajectory that is returned, as its own interpolation has it. It is measured between the
@@ -19,6 +20,7 @@
 //!
 //! References: [PhamPham2018], [BoydVandenberghe2004].
 
+mod blend;
 mod extremes;
 mod jerk;
 mod settings;
@@ -30,12 +32,13 @@ mod verify;
 pub use settings::RetimeSettings;
 pub use verify::{LimitKind, Limiting};
 
+use self::blend::Blend;
 use self::straight::StraightLaw;
-use self::stretch::{NodeLimits, Stretch};
+use self::stretch::{NodeLimits, Origin, Stretch};
 use self::verify::{Motion, NodeTorques};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
-use crate::path::{Event, EventKind, Section, Trajectory};
+use crate::path::{Event, EventKind, Trajectory};
 use crate::tolerance::{
     RETIME_CORNER_RATIO, RETIME_LEAST_NODES, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT,
 };
@@ -55,6 +58,8 @@ pub struct Retimed {
     pub stretched: f64,
     /// Rows of the path at which the arm stops on the way.
     pub stops: Vec<usize>,
+    /// Rows of the path whose corners the arm passes without a stop, on a curve within `blend` of them.
+    pub blends: Vec<usize>,
 }
 
 /// The fastest motion along the rows of `q`.
@@ -83,17 +88,35 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     let mut motion = Motion::new(n, settings.jerk_limits.is_some());
     let mut path_rows = Vec::with_capacity(rows);
     let mut stretched = 1.0_f64;
-    for (index, pair) in cuts.windows(2).enumerate() {
-        let (first, last) = (pair[0], pair[1]);
-        let rest = [index > 0 || settings.at_rest, index + 2 < cuts.len() || settings.at_rest];
-        if last == first + 1 && distance(q, n, first, last) <= RETIME_SAME_ROW {
-            motion.dwell(&q[first * n..last * n], &q[last * n..(last + 1) * n], &mut path_rows);
-            continue;
+    // `None` where the arm waits between two equal rows.
+    let mut legs: Vec<Option<Stretch>> = cuts
+        .windows(2)
+        .map(|cut| {
+            let waits = cut[1] == cut[0] + 1 && distance(q, n, cut[0], cut[1]) <= RETIME_SAME_ROW;
+            let rows = &q[cut[0] * n..(cut[1] + 1) * n];
+            (!waits).then(|| Stretch::new(rows, n, cut[0], settings.rows_between))
+        })
+        .collect();
+    let (mut stops, mut blends) = (Vec::new(), Vec::new());
+    let mut index = 0;
+    while index < legs.len() {
+        if index > 0 {
+            stops.push(cuts[index]);
         }
-        let stretch = Stretch::new(&q[first * n..(last + 1) * n], n, first, settings.rows_between);
+        let Some(first) = legs[index].take() else {
+            let row = cuts[index];
+            motion.dwell(&q[row * n..(row + 1) * n], &q[(row + 1) * n..(row + 2) * n], &mut path_rows);
+            index += 1;
+            continue;
+        };
+        let (stretch, passed) = blend::joined(chain, first, &legs[index + 1..], settings);
+        let end = index + 1 + passed.len();
+        let rest = [index > 0 || settings.at_rest, end < legs.len() || settings.at_rest];
         let (part, factor) = solve(chain, &stretch, settings, rest)?;
         stretched = stretched.max(factor);
         motion.append(part, &mut path_rows);
+        blends.extend(passed);
+        index = end;
     }
     let motion = match settings.dt {
         None => motion,
@@ -104,21 +127,36 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
         }
     };
     let limiting = motion.limiting(chain, settings)?;
-    let stops: Vec<usize> = cuts[1..cuts.len() - 1].to_vec();
-    let events = stops.iter().map(|row| {
-        let index = path_rows[*row];
-        let message = format!("the arm stops at row {row} of the path: its direction changes there");
-        Event { kind: EventKind::Limit, index, t: motion.t[index], s: motion.t[index], message }
-    });
+    let mut events: Vec<Event> = stops
+        .iter()
+        .map(|row| (*row, stop_message(*row)))
+        .chain(blends.iter().map(Blend::report))
+        .map(|(row, message)| {
+            let index = path_rows[row];
+            Event { kind: EventKind::Limit, index, t: motion.t[index], s: motion.t[index], message }
+        })
+        .collect();
+    events.sort_by_key(|event| event.index);
+    let sections = motion.sections();
     let names = chain.joints().iter().map(|joint| joint.name.clone()).collect();
-    let events = events.collect();
     let smooth = settings.jerk_limits.is_some();
     let mut trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
     if smooth {
         trajectory = trajectory.with_accelerations(motion.qdd)?;
     }
-    let sections = vec![Section::Path; trajectory.rows()];
-    Ok(Retimed { trajectory: trajectory.with_sections(sections)?, limiting, path_rows, stretched, stops })
+    let blends = blends.iter().map(|blend: &Blend| blend.row).collect();
+    Ok(Retimed {
+        trajectory: trajectory.with_sections(sections)?,
+        limiting,
+        path_rows,
+        stretched,
+        stops,
+        blends,
+    })
+}
+
+fn stop_message(row: usize) -> String {
+    format!("the arm stops at row {row} of the path: its direction changes there")
 }
 
 /// The motion with rows every `dt`, slowed down evenly as far as the curve through those rows needs it, and by how much: an
@@ -290,7 +328,7 @@ fn second_order(
             qd[j] = stretch.d[i] * speed[k];
             qdd[j] = stretch.d[i] * u + stretch.dd[i] * x[k];
         }
-        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
+        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.origin[k]);
         if k + 1 < stretch.nodes() {
             t += 2.0 * (stretch.s[k + 1] - stretch.s[k]) / (speed[k] + speed[k + 1]);
         }
@@ -311,7 +349,7 @@ fn third_order(
     let mut motion = Motion::new(n, true);
     for (k, node) in law.nodes.iter().enumerate() {
         let at = k * n..(k + 1) * n;
-        motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.row[k]);
+        motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.origin[k]);
     }
     Some(motion)
 }
@@ -351,7 +389,7 @@ fn eased(
         let qd: Vec<f64> = stretch.d[at.clone()].iter().map(|d| d * speed).collect();
         let qdd: Vec<f64> =
             at.clone().map(|i| stretch.d[i] * acceleration + stretch.dd[i] * speed * speed).collect();
-        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
+        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.origin[k]);
     }
     if rest == [true; 2] {
         motion.rest_at_ends();
@@ -391,7 +429,7 @@ fn straight(stretch: &Stretch, direction: &[f64], settings: &RetimeSettings) -> 
     let mut times: Vec<(f64, Option<usize>)> = Vec::new();
     for k in 0..stretch.nodes() {
         // Nodes between sparse rows are not needed here: the phases are exact.
-        if stretch.row[k].is_some() {
+        if stretch.origin[k].row.is_some() {
             let t = match k {
                 0 => 0.0,
                 _ if k + 1 == stretch.nodes() => end,
@@ -419,7 +457,7 @@ fn straight(stretch: &Stretch, direction: &[f64], settings: &RetimeSettings) -> 
             &q,
             &qd.collect::<Vec<_>>(),
             &qdd.collect::<Vec<_>>(),
-            node.and_then(|k| stretch.row[k]),
+            node.map_or(Origin::BETWEEN, |k| stretch.origin[k]),
         );
     }
     motion.rest_at_ends();
