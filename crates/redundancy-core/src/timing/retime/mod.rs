@@ -249,11 +249,12 @@ fn solve(
     }
     let mut share = vec![1.0; stretch.nodes()];
     let mut rounds: Vec<Round> = Vec::new();
+    let mut known = None;
     for _ in 0..REPAIRS {
         let mut law = Vec::new();
         let mut motion = match &settings.jerk_limits {
             None => second_order(stretch, &limits, settings, rest, &share, &mut law)?,
-            Some(jerk) => match third_order(stretch, &limits, settings, jerk, rest, &share) {
+            Some(jerk) => match third_order(stretch, &limits, (settings, jerk), rest, &share, &mut known) {
                 Some(motion) => motion,
                 None if rounds.is_empty() => return eased(chain, stretch, &limits, settings, rest),
                 None => break,
@@ -339,12 +340,12 @@ fn second_order(
 fn third_order(
     stretch: &Stretch,
     limits: &NodeLimits,
-    settings: &RetimeSettings,
-    jerk: &[f64],
+    (settings, jerk): (&RetimeSettings, &[f64]),
     rest: [bool; 2],
     share: &[f64],
+    known: &mut Option<Vec<f64>>,
 ) -> Option<Motion> {
-    let law = jerk::fastest(stretch, limits, settings, jerk, rest, share)?;
+    let law = jerk::fastest(stretch, limits, (settings, jerk), rest, share, known)?;
     let n = stretch.n;
     let mut motion = Motion::new(n, true);
     for (k, node) in law.nodes.iter().enumerate() {
