@@ -48,22 +48,19 @@ pub(super) fn joined(
     }
     let mut tool = Tool { chain, scratch: Scratch::new(chain) };
     let mut out: Option<Joined> = None;
-    let (mut leg, mut from) = (&first, 0.0);
+    let (mut leg, mut from) = (&first, None);
     for other in next {
         let Some(other) = other else { break };
         let Some((curve, blend)) = Curve::new(&mut tool, [leg, other], settings.blend) else { break };
-        let joined = out.get_or_insert_with(|| Joined::new(leg.n));
-        joined.leg(
-            leg,
-            [from, leg.length() - curve.cut[0]],
-            settings.rows_between.then_some(curve.spacing()),
-        );
+        let joined = out.get_or_insert_with(|| Joined::new(leg.n, settings.rows_between));
+        let [to, next_from] = curve.ends(leg);
+        joined.leg(leg, [from, Some(to)]);
         joined.curve(&curve);
-        (leg, from) = (other, curve.cut[1]);
+        (leg, from) = (other, Some(next_from));
         blends.push(blend);
     }
     let Some(mut joined) = out else { return (first, blends) };
-    joined.leg(leg, [from, leg.length()], None);
+    joined.leg(leg, [from, None]);
     (joined.finish(), blends)
 }
 
@@ -175,14 +172,24 @@ impl Curve {
                 ]
             })
             .collect();
-        let replaced = |leg: &Stretch, share: &dyn Fn(f64) -> f64| -> Vec<(f64, Option<usize>)> {
-            let own = leg.s.iter().zip(&leg.origin).filter_map(|(s, origin)| Some((share(*s), origin.row?)));
-            own.filter(|(u, _)| *u > 0.0 && *u < 1.0).map(|(u, row)| (u, Some(row))).collect()
+        let mut curve = Self { cut, length, coefficients, nodes: Vec::new() };
+        let [to, from] = curve.ends(before);
+        let rows = |leg: &Stretch| -> Vec<(f64, usize)> {
+            leg.s.iter().zip(&leg.origin).filter_map(|(s, origin)| Some((*s, origin.row?))).collect()
         };
-        let mut nodes = replaced(before, &|s| (s - before.length() + cut[0]) / way);
+        let mut nodes: Vec<(f64, Option<usize>)> = rows(before)
+            .into_iter()
+            .filter(|(s, _)| *s > to.at + to.close())
+            .map(|(s, row)| ((s - to.at) / way, Some(row)))
+            .collect();
         // The corner is the last row of the first leg.
-        let behind = replaced(after, &|s| (cut[0] + s) / way);
-        nodes.extend(behind.into_iter().skip(1));
+        nodes.extend(
+            rows(after)
+                .into_iter()
+                .skip(1)
+                .filter(|(s, _)| *s < from.at - from.close())
+                .map(|(s, row)| ((cut[0] + s) / way, Some(row))),
+        );
         let parts = RETIME_BLEND_PARTS as f64;
         for k in 1..RETIME_BLEND_PARTS {
             let u = k as f64 / parts;
@@ -191,7 +198,14 @@ impl Curve {
             }
         }
         nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Self { cut, length, coefficients, nodes }
+        curve.nodes = nodes;
+        curve
+    }
+
+    /// Where it leaves the first leg and meets the second.
+    fn ends(&self, before: &Stretch) -> [LegEnd; 2] {
+        let spacing = self.spacing();
+        [LegEnd { at: before.length() - self.cut[0], spacing }, LegEnd { at: self.cut[1], spacing }]
     }
 
     /// Distance between two nodes.
@@ -236,59 +250,71 @@ impl Curve {
 /// Relative excess of the distance at the ends of a curve that rounding explains.
 const ROUNDING: f64 = 1e-9;
 
+/// Where a curve takes over from a leg.
+#[derive(Debug, Clone, Copy)]
+struct LegEnd {
+    /// Length along the leg.
+    at: f64,
+    /// Distance between two nodes of the curve.
+    spacing: f64,
+}
+
+impl LegEnd {
+    /// A row this near is the node at the end itself.
+    fn close(&self) -> f64 {
+        CLOSE * self.spacing
+    }
+}
+
+/// Share of the spacing on a curve within which two nodes are one: the curve leaves the leg by the cube of that.
+const CLOSE: f64 = 1e-3;
+
 /// Legs and curves in a row.
 struct Joined {
     out: Stretch,
     /// Length so far.
     end: f64,
+    /// Whether nodes may be added between the rows of legs.
+    nodes_between: bool,
 }
 
 impl Joined {
-    fn new(n: usize) -> Self {
-        Self { out: Stretch::empty(n), end: 0.0 }
+    fn new(n: usize, nodes_between: bool) -> Self {
+        Self { out: Stretch::empty(n), end: 0.0, nodes_between }
     }
 
-    fn push(&mut self, s: f64, origin: Origin, [q, d, dd]: &[Vec<f64>; 3]) {
-        self.out.push(s, origin, q, d, dd);
-    }
-
-    /// A leg between two lengths. Before and behind a curve whose nodes are `spacing` apart its own distances grow and
-    /// shrink gradually.
-    fn leg(&mut self, leg: &Stretch, [from, to]: [f64; 2], spacing: Option<f64>) {
-        let shift = self.end - from;
-        let graded = spacing.unwrap_or(0.0).min(to - from) * GRADED_GAP;
+    /// A leg between two ends, its own where there is none. Next to a curve the distances between its nodes grow gradually.
+    fn leg(&mut self, leg: &Stretch, ends: [Option<LegEnd>; 2]) {
+        let [from, to] = [ends[0].map_or(0.0, |end| end.at), ends[1].map_or(leg.length(), |end| end.at)];
+        let [before, behind] = [(ends[0], from, 1.0), (ends[1], to, -1.0)];
+        // How far a node is inside, seen from an end.
+        let beyond =
+            |s: f64, (end, at, sign): (Option<LegEnd>, f64, f64)| end.map(|end| (sign * (s - at), end));
         let mut nodes: Vec<(f64, Origin)> = Vec::new();
-        let cut = [from > 0.0, to < leg.length()];
-        if cut[0] {
-            nodes.push((from, Origin::BETWEEN));
-        }
         for (s, origin) in leg.s.iter().zip(&leg.origin) {
-            let inside = (!cut[0] || *s > from) && (!cut[1] || *s < to);
-            let crowded =
-                origin.row.is_none() && ((cut[0] && s - from < graded) || (cut[1] && to - s < graded));
-            if inside && !crowded {
+            let held = |side| match beyond(*s, side) {
+                None => true,
+                Some((inside, end)) if origin.row.is_some() => inside >= -end.close(),
+                Some((inside, end)) => inside > GRADED_GAP * end.spacing,
+            };
+            if held(before) && held(behind) {
                 nodes.push((*s, *origin));
             }
         }
-        if cut[1] {
-            nodes.push((to, Origin::BETWEEN));
-        }
-        if let Some(spacing) = spacing {
-            let mut ends = Vec::new();
-            if cut[0] {
-                ends.push((from, 1.0));
+        for side in [before, behind] {
+            let Some((end, at)) = side.0.map(|end| (end, side.1)) else { continue };
+            if nodes.iter().all(|(s, _)| (s - at).abs() > end.close()) {
+                nodes.push((at, Origin::BETWEEN));
+                nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
             }
-            if cut[1] {
-                ends.push((to, -1.0));
-            }
-            for (end, sign) in ends {
-                grade(&mut nodes, end, sign, spacing);
+            if self.nodes_between {
+                grade(&mut nodes, at, side.2, end.spacing);
             }
         }
+        let shift = self.end - from;
         for (s, origin) in nodes {
-            // The corner is the last row of the leg before.
-            let origin = if s == 0.0 && self.end > 0.0 { Origin::BETWEEN } else { origin };
-            self.push(s + shift, origin, &leg.at(s));
+            let [q, d, dd] = leg.at(s);
+            self.out.push(s + shift, origin, &q, &d, &dd);
         }
         self.end += to - from;
     }
@@ -296,7 +322,8 @@ impl Joined {
     fn curve(&mut self, curve: &Curve) {
         for (u, row) in &curve.nodes {
             let origin = Origin { row: *row, blended: true };
-            self.push(self.end + u * curve.length, origin, &curve.at(*u));
+            let [q, d, dd] = curve.at(*u);
+            self.out.push(self.end + u * curve.length, origin, &q, &d, &dd);
         }
         self.end += curve.length;
     }

@@ -84,40 +84,7 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     if rows < 2 {
         return Err(Error::Length { what: "rows of the path".into(), expected: 2, actual: rows });
     }
-    let cuts = cuts(q, n, settings.corner_angle);
-    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
-    let mut path_rows = Vec::with_capacity(rows);
-    let mut stretched = 1.0_f64;
-    // `None` where the arm waits between two equal rows.
-    let mut legs: Vec<Option<Stretch>> = cuts
-        .windows(2)
-        .map(|cut| {
-            let waits = cut[1] == cut[0] + 1 && distance(q, n, cut[0], cut[1]) <= RETIME_SAME_ROW;
-            let rows = &q[cut[0] * n..(cut[1] + 1) * n];
-            (!waits).then(|| Stretch::new(rows, n, cut[0], settings.rows_between))
-        })
-        .collect();
-    let (mut stops, mut blends) = (Vec::new(), Vec::new());
-    let mut index = 0;
-    while index < legs.len() {
-        if index > 0 {
-            stops.push(cuts[index]);
-        }
-        let Some(first) = legs[index].take() else {
-            let row = cuts[index];
-            motion.dwell(&q[row * n..(row + 1) * n], &q[(row + 1) * n..(row + 2) * n], &mut path_rows);
-            index += 1;
-            continue;
-        };
-        let (stretch, passed) = blend::joined(chain, first, &legs[index + 1..], settings);
-        let end = index + 1 + passed.len();
-        let rest = [index > 0 || settings.at_rest, end < legs.len() || settings.at_rest];
-        let (part, factor) = solve(chain, &stretch, settings, rest)?;
-        stretched = stretched.max(factor);
-        motion.append(part, &mut path_rows);
-        blends.extend(passed);
-        index = end;
-    }
+    let Timed { motion, mut path_rows, mut stretched, stops, blends } = timed(chain, q, settings)?;
     let motion = match settings.dt {
         None => motion,
         Some(dt) => {
@@ -153,6 +120,55 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
         stops,
         blends,
     })
+}
+
+/// The motion over all stretches, and what became of the corners.
+struct Timed {
+    motion: Motion,
+    path_rows: Vec<usize>,
+    stretched: f64,
+    stops: Vec<usize>,
+    blends: Vec<Blend>,
+}
+
+/// Solves one stretch after the other.
+fn timed(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Timed> {
+    let n = chain.dof();
+    let cuts = cuts(q, n, settings.corner_angle);
+    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
+    let mut path_rows = Vec::with_capacity(q.len() / n);
+    let mut stretched = 1.0_f64;
+    // `None` where the arm waits between two equal rows.
+    let mut legs: Vec<Option<Stretch>> = cuts
+        .windows(2)
+        .map(|cut| {
+            let waits = cut[1] == cut[0] + 1 && distance(q, n, cut[0], cut[1]) <= RETIME_SAME_ROW;
+            let rows = &q[cut[0] * n..(cut[1] + 1) * n];
+            (!waits).then(|| Stretch::new(rows, n, cut[0], settings.rows_between))
+        })
+        .collect();
+    let (mut stops, mut blends) = (Vec::new(), Vec::new());
+    let mut index = 0;
+    while index < legs.len() {
+        if index > 0 {
+            stops.push(cuts[index]);
+        }
+        let Some(first) = legs[index].take() else {
+            let row = cuts[index];
+            motion.dwell(&q[row * n..(row + 1) * n], &q[(row + 1) * n..(row + 2) * n], &mut path_rows);
+            index += 1;
+            continue;
+        };
+        let (stretch, passed) = blend::joined(chain, first, &legs[index + 1..], settings);
+        let end = index + 1 + passed.len();
+        let rest = [index > 0 || settings.at_rest, end < legs.len() || settings.at_rest];
+        let (part, factor) = solve(chain, &stretch, settings, rest)?;
+        stretched = stretched.max(factor);
+        motion.append(part, &mut path_rows);
+        blends.extend(passed);
+        index = end;
+    }
+    Ok(Timed { motion, path_rows, stretched, stops, blends })
 }
 
 fn stop_message(row: usize) -> String {
