@@ -608,7 +608,7 @@ impl From<Event> for PyEvent {
 ///     qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
 ///     events: Events, in order.
 ///     qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
-///     section: Per row `lead_in`, `path` or `lead_out`.
+///     section: Per row `lead_in`, `path`, `blend` or `lead_out`.
 ///
 /// Example:
 ///     >>> import redundancy as rd
@@ -777,7 +777,7 @@ impl PyTrajectory {
         self.trajectory.qdd().map(|qdd| to_array(py, qdd, shape)).transpose()
     }
 
-    /// Per row `lead_in`, `path` or `lead_out` `(N,)`, where that is known. A copy.
+    /// Per row `lead_in`, `path`, `blend` or `lead_out` `(N,)`, where that is known. A copy.
     #[getter]
     fn section<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(sections) = self.trajectory.sections() else { return Ok(None) };

@@ -16,6 +16,16 @@ pub const RETIME_CORNER_RATIO: f64 = 3.0;
 /// Distance (rad or m) from a straight line in joint space within which rows are on it.
 pub const RETIME_STRAIGHT: f64 = 1e-9;
 
+/// Turn of a joint path at a corner (rad) above which it is not blended: on the way back along the same line a stop costs
+/// nothing, and a curve would leave out the end of the line.
+pub const RETIME_BLEND_TURN: f64 = 2.9;
+
+/// Intervals of the curve that replaces a corner: at a right angle each turns by 0.05 rad on average.
+pub const RETIME_BLEND_PARTS: usize = 32;
+
+/// How often the curve is halved until it is within the wanted distance and the position limits.
+pub const RETIME_BLEND_TRIALS: usize = 8;
+
 /// Nodes that a stretch between two stops has at least.
 pub const RETIME_NODES: usize = 100;
 

@@ -2,10 +2,11 @@
 
 use super::extremes::{cubic, quadratic, quartic};
 use super::settings::RetimeSettings;
-use super::stretch::{NodeLimits, Stretch};
+use super::stretch::{NodeLimits, Origin, Stretch};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
 use crate::kinematics::{DynamicsScratch, Scratch};
+use crate::path::Section;
 use crate::tolerance::{RETIME_DWELL, TORQUE_LEFT};
 
 /// Into how many parts an interval is cut at most, and at first, where torques or the tool's speed are checked.
@@ -71,7 +72,7 @@ pub(super) struct Motion {
     pub q: Vec<f64>,
     pub qd: Vec<f64>,
     pub qdd: Vec<f64>,
-    row: Vec<Option<usize>>,
+    origin: Vec<Origin>,
     /// Torques of the motion and of gravity, by row and joint; empty where they are not known.
     torques: Vec<[f64; 2]>,
 }
@@ -106,15 +107,15 @@ type Local = [f64; 4];
 impl Motion {
     pub fn new(n: usize, smooth: bool) -> Self {
         let [t, q, qd, qdd] = std::array::from_fn(|_| Vec::new());
-        Self { n, smooth, t, q, qd, qdd, row: Vec::new(), torques: Vec::new() }
+        Self { n, smooth, t, q, qd, qdd, origin: Vec::new(), torques: Vec::new() }
     }
 
-    pub fn push(&mut self, t: f64, q: &[f64], qd: &[f64], qdd: &[f64], row: Option<usize>) {
+    pub fn push(&mut self, t: f64, q: &[f64], qd: &[f64], qdd: &[f64], origin: Origin) {
         self.t.push(t);
         self.q.extend_from_slice(q);
         self.qd.extend_from_slice(qd);
         self.qdd.extend_from_slice(qdd);
-        self.row.push(row);
+        self.origin.push(origin);
     }
 
     pub fn duration(&self) -> f64 {
@@ -154,7 +155,7 @@ impl Motion {
                 self.qdd[from..].copy_from_slice(&part.qdd[at]);
                 continue;
             }
-            if let Some(row) = part.row[k] {
+            if let Some(row) = part.origin[k].row {
                 debug_assert_eq!(row, path_rows.len());
                 path_rows.push(self.t.len());
             }
@@ -163,7 +164,7 @@ impl Motion {
                 &part.q[at.clone()],
                 &part.qd[at.clone()],
                 &part.qdd[at],
-                part.row[k],
+                part.origin[k],
             );
         }
     }
@@ -173,7 +174,7 @@ impl Motion {
         let zero = vec![0.0; self.n];
         if self.t.is_empty() {
             path_rows.push(0);
-            self.push(0.0, from, &zero, &zero, Some(0));
+            self.push(0.0, from, &zero, &zero, Origin::path(0));
             self.torques.resize(self.n, [0.0; 2]);
         }
         // At rest the motion needs no torque.
@@ -181,7 +182,7 @@ impl Motion {
         let t = self.duration() + RETIME_DWELL;
         let row = path_rows.len();
         path_rows.push(self.t.len());
-        self.push(t, to, &zero, &zero, Some(row));
+        self.push(t, to, &zero, &zero, Origin::path(row));
     }
 
     /// Coefficients of joint `j` by powers of the place in interval `k` of length `h`.
@@ -351,6 +352,12 @@ impl Motion {
         }
     }
 
+    /// To which part of the path each row belongs.
+    pub fn sections(&self) -> Vec<Section> {
+        let section = |origin: &Origin| if origin.blended { Section::Blend } else { Section::Path };
+        self.origin.iter().map(section).collect()
+    }
+
     /// The limit that each row comes nearest to.
     pub fn limiting(&self, chain: &Chain, settings: &RetimeSettings) -> Result<Vec<Option<Limiting>>> {
         let mut gauge = Gauge::new(chain, settings)?;
@@ -383,7 +390,9 @@ impl Motion {
             let u = ((t - self.t[k]) / (self.t[k + 1] - self.t[k])).clamp(0.0, 1.0);
             self.local(k, u, &mut local);
             let column = |c: usize| local.iter().map(|l| l[c]).collect::<Vec<f64>>();
-            out.push(t, &column(0), &column(1), &column(2), None);
+            let after = self.origin[(k + 1).min(self.t.len() - 1)].blended && u > 0.0;
+            let blended = self.origin[k].blended || after;
+            out.push(t, &column(0), &column(1), &column(2), Origin { row: None, blended });
         }
         for row in path_rows.iter_mut() {
             *row = ((self.t[*row] / dt).round() as usize).min(steps);
