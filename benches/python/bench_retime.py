@@ -2,9 +2,11 @@
 
 toppra gets the stretches between our stops, each from rest to rest, with the rows as gridpoints and every limit asked
 for at both ends of each interval; its path, constraints and trajectory are made in the timed part, as our spline is.
+`bench_retime.py all` gives the ratio on all 200 paths, each the quickest of three runs of both, taken in turn.
 """
 
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,7 @@ import redundancy as rd
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "python"))
-from joint_paths import joint_path, random_smooth
+from joint_paths import COUNT, joint_path, random_smooth
 from neighbours import machine, medians, optional, table, time_text
 from test_retime_neighbours import Toppra, second_order
 
@@ -47,6 +49,35 @@ def beside_toppra() -> None:
     print(table(("path", "rows", "limits", "ours", "toppra", "ratio"), rows))
 
 
+def all_paths() -> None:
+    """Median and quantiles of toppra's time over ours."""
+    if optional("toppra") is None:
+        return
+    ratios: dict[str, list[float]] = {"velocity, acceleration": [], "torque too": []}
+    for index in range(COUNT):
+        case = joint_path(index)
+        stops = second_order(case).stops
+        for what in (case, replace(case, torque=None)):
+            ours, theirs = [], []
+            for _ in range(3):
+                begin = time.perf_counter()
+                second_order(what)
+                middle = time.perf_counter()
+                for job in Toppra().prepare(what, stops):
+                    job()
+                ours.append(middle - begin)
+                theirs.append(time.perf_counter() - middle)
+            torque = "torque too" if what.torque is not None else "velocity, acceleration"
+            ratios[torque].append(min(theirs) / min(ours))
+            if case.torque is None:
+                break
+    rows = []
+    for name, values in ratios.items():
+        quantiles = np.quantile(values, [0.0, 0.1, 0.5, 0.9, 1.0])
+        rows.append((name, str(len(values)), *(f"{value:.1f}" for value in quantiles)))
+    print(table(("limits", "paths", "least", "10 %", "median", "90 %", "most"), rows))
+
+
 def scale() -> None:
     """Retiming by number of rows, and checking 100 000 rows."""
     panda = rd.catalog.load("panda")
@@ -69,6 +100,9 @@ def scale() -> None:
 
 if __name__ == "__main__":
     np.set_printoptions(precision=4)
-    beside_toppra()
-    scale()
+    if sys.argv[1:] == ["all"]:
+        all_paths()
+    else:
+        beside_toppra()
+        scale()
     print(machine())

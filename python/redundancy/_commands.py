@@ -242,7 +242,10 @@ def track(
     ] = False,
     retime: Annotated[
         bool,
-        typer.Option("--retime", help="Replace the path's own times by the fastest ones within the limits."),
+        typer.Option(
+            "--retime",
+            help="Replace the path's own times by the fastest ones within the limits; those of jerk are assumed.",
+        ),
     ] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
@@ -949,13 +952,17 @@ def plan(
     threads: Annotated[int | None, typer.Option(help="Threads; all cores by default.")] = None,
     retime: Annotated[
         bool,
-        typer.Option("--retime", help="Replace the path's own times by the fastest ones within the limits."),
+        typer.Option(
+            "--retime",
+            help="Replace the path's own times by the fastest ones within the limits; those of jerk are assumed.",
+        ),
     ] = False,
     plots: Annotated[bool, typer.Option(help="Whether to draw the PNGs.")] = True,
 ) -> None:
     """Plan a whole path for any arm, with any freedom of the tool.
 
     Writes trajectory.csv, trajectory.json, plan.npz, summary.json and PNGs.
+    The trajectory files hold the motion to run; plan.npz holds the plan with the times of its path, or its own.
     Ctrl-C keeps the best plan so far. Times of the path (or of --tool-speed)
     are kept, and limits that they violate are reported; without them the motion
     goes from rest to rest as fast as the limits allow.
@@ -1145,6 +1152,7 @@ def check(
     Example:  redundancy check trajectory.json --robot panda
     Example:  redundancy check move.csv --robot arm.urdf --path path.csv --scene scene.json --format github
     Example:  redundancy check move.csv --robot arm.urdf --scene scene.json --collision urdf --package-dir share/
+    Example:  redundancy check move.csv --robot arm.urdf --collision urdf --srdf arm.srdf --package-dir share/
     """
     if format_ not in _check.FORMATS:
         raise rd.RedundancyError(f"--format is '{format_}', it must be text, json or github")

@@ -585,7 +585,7 @@ class Trajectory:
         qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
         events: Events, in order.
         qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
-        section: Per row `lead_in`, `path` or `lead_out`.
+        section: Per row `lead_in`, `path`, `blend` or `lead_out`.
 
     Example:
         >>> import redundancy as rd
@@ -665,7 +665,31 @@ class Trajectory:
         """Joint accelerations `(N, n)`, rad/s^2 or m/s^2, where the rows carry them. A copy."""
     @property
     def section(self) -> NDArray[np.str_] | None:
-        """Per row `lead_in`, `path` or `lead_out` `(N,)`, where that is known. A copy."""
+        """Per row `lead_in`, `path`, `blend` or `lead_out` `(N,)`, where that is known. A copy."""
+    def joined(self, other: Trajectory) -> Trajectory:
+        """This motion and then another that begins where it ends.
+
+        The last row of this one is the first of the other, whose times follow. Accelerations are kept where both
+        motions have them.
+
+        Args:
+            other: A motion of the same joints; its first row has the positions (within 1e-6 rad or m) and the
+                velocities of the last row of this one.
+
+        Returns:
+            A trajectory with the rows of both, N + M - 1.
+
+        Raises:
+            RedundancyError: Other joints, positions or velocities that differ where the two meet.
+
+        Example:
+            >>> import redundancy as rd
+            >>> arm = rd.catalog.load("panda")
+            >>> a, b = [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0]
+            >>> move = rd.joint_move(arm, a, b).joined(rd.joint_move(arm, b, a))
+            >>> rd.check(arm, move).ok
+            True
+        """
     def sample(
         self, t: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -3813,9 +3837,10 @@ def check(
         chain: The arm, or an arm object.
         trajectory: A trajectory or plan, or a file of any origin: JSON (ROS `JointTrajectory`), CSV or npz. The joints
             may be in any order.
-        path: The path that the tool should follow, except in rows of the sections `lead_in` and `lead_out`.
+        path: The path that the tool should follow, except in rows of the sections `lead_in`, `blend` and `lead_out`.
         scene: Obstacles.
-        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+        links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default. Pairs of a
+            `LinkGeometry` must not touch each other: `self_collision`.
         velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
         acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
         jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.
@@ -3859,6 +3884,7 @@ class RetimedTrajectory(Trajectory):
         path_rows: Sequence[int],
         stops: Sequence[int],
         stretched: float,
+        blends: Sequence[int] = ...,
     ) -> Self: ...
     @property
     def limiting(self) -> list[str | None]:
@@ -3877,6 +3903,9 @@ class RetimedTrajectory(Trajectory):
     def stops(self) -> list[int]:
         """Rows of the path at which the arm stops on the way: corners, and rows that repeat."""
     @property
+    def blends(self) -> list[int]:
+        """Rows of the path whose corners the arm passes without a stop, see `blend`."""
+    @property
     def stretched(self) -> float:
         """Largest ratio by which a section between two stops was slowed down after it was solved; 1.0 for none."""
 
@@ -3891,6 +3920,7 @@ def retime(
     torque_limits: ArrayLike | Literal["chain"] | None = None,
     at_rest: bool = True,
     corner_angle: float = 0.02,
+    blend: float = 0.0,
     dt: float | None = None,
     rows_between: bool = True,
     gravity: ArrayLike = (0.0, 0.0, -9.81),

@@ -84,6 +84,8 @@ def timed(chain: rd.Chain, plan: rd.Trajectory, keep: bool) -> tuple[rd.Trajecto
         "times": "retimed",
         "acceleration_limits": allowed.limits.tolist(),
         "acceleration_limits_assumed": allowed.assumed,
+        "jerk_limits": allowed.jerks.tolist(),
+        "jerk_limits_assumed": True,
         "stretched": moved.stretched,
         "stops": moved.stops,
     }

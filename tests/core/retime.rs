@@ -3,6 +3,8 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use redundancy_core::chain::{Chain, catalog};
+use redundancy_core::kinematics::DynamicsScratch;
+use redundancy_core::nalgebra::Vector3;
 use redundancy_core::path::Trajectory;
 use redundancy_core::timing::{LimitKind, RetimeSettings, Retimed, retime};
 
@@ -166,6 +168,43 @@ fn torque_and_tool_speed_bind() {
     let motion = retime(&arm, &q, &slow).unwrap();
     let kinds = motion.limiting.iter().flatten().filter(|limit| limit.kind == LimitKind::ToolSpeed);
     assert!(kinds.filter(|limit| limit.share > 0.99).count() > 150);
+}
+
+#[test]
+fn torques_hold_between_the_rows() {
+    let arm = catalog::load("iiwa14").unwrap();
+    let effort: Vec<f64> = arm.joints().iter().map(|joint| joint.limits.effort).collect();
+    let (mut scratch, mut tau) = (DynamicsScratch::new(&arm), vec![0.0; 7]);
+    // Dense rows, rows so coarse that the motion bends between them, and limits that bind everywhere or here and there.
+    for (rows, share) in [(400, 0.7), (400, 0.45), (30, 0.7), (4, 0.7)] {
+        let limits: Vec<f64> = effort.iter().map(|limit| share * limit).collect();
+        let settings = RetimeSettings {
+            velocity_limits: vec![50.0; 7],
+            acceleration_limits: vec![1e3; 7],
+            torque_limits: Some(limits.clone()),
+            ..RetimeSettings::of(&arm)
+        };
+        let motion = retime(&arm, &smooth(rows, 4), &settings).unwrap();
+        let mut worst = 0.0_f64;
+        for pair in motion.trajectory.t().windows(2) {
+            for place in 0..=20 {
+                let t = pair[0] + (pair[1] - pair[0]) * (1e-9 + f64::from(place) / 20.0 * (1.0 - 2e-9));
+                let state = motion.trajectory.sample(t).unwrap();
+                let gravity = Vector3::new(0.0, 0.0, -9.81);
+                arm.inverse_dynamics(&state.q, &state.qd, &state.qdd, &gravity, &mut scratch, &mut tau)
+                    .unwrap();
+                worst =
+                    tau.iter().zip(&limits).fold(worst, |worst, (tau, limit)| worst.max(tau.abs() / limit));
+            }
+        }
+        assert!(worst <= 1.0 + 1e-6, "{rows} {share}: {worst}");
+        let binds = motion
+            .limiting
+            .iter()
+            .flatten()
+            .any(|limit| limit.kind == LimitKind::Torque && limit.share > 0.99);
+        assert!(binds, "{rows} {share}");
+    }
 }
 
 #[test]

@@ -283,6 +283,45 @@ def test_check_of_bodies(bodied: Bodied, capsys: pytest.CaptureFixture[str], tmp
         assert status == 2 and message in err, err
 
 
+def test_check_finds_self_collision(
+    bodied: Bodied, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    chain, links = bodied.arm.chain, bodied.links
+    rows = np.random.default_rng(6).uniform(chain.lower, chain.upper, (400, 7))
+    touching = rows[int(np.argmin(links.self_clearance(rows).distance))]
+    move = rd.retime(chain, np.stack([np.zeros(7), touching]), acceleration_limits=np.full(7, 5.0))
+    move.to_csv(tmp_path / "move.csv")
+
+    def kinds(*more: Any) -> tuple[int, set[str]]:
+        words = ["check", tmp_path / "move.csv", "--robot", bodied.file, "--format", "json", *more]
+        status = _commands.run([str(word) for word in words])
+        findings = json.loads(capsys.readouterr().out)["findings"]
+        return status, {f["kind"] for f in findings if "collision" in f["kind"]}
+
+    # coal, with the same hulls and pairs, says the same of the motion's ends.
+    judge = Judge(bodied, [])
+    assert judge.touches(touching) and not judge.touches(np.zeros(7))
+    report = rd.check(chain, move, links=links)
+    found = next(f for f in report.findings if f.kind == "self_collision")
+    assert found.value < 0 and "overlap" in found.message and not report.ok
+    then = links.self_clearance(move.sample(found.t)[0])
+    assert found.value == pytest.approx(float(then.distance), abs=1e-9)
+    assert f"'{then.first}'" in found.message and f"'{then.second}'" in found.message
+    assert "self_collision" not in {f.kind for f in rd.check(chain, move).findings}
+    assert kinds() == (0, set())
+    assert kinds("--collision", "urdf") == (1, {"self_collision"})
+    every = [(a, b) for i, a in enumerate(links.names) for b in links.names[:i]]
+    pairs = "".join(f'<disable_collisions link1="{a}" link2="{b}" reason="User"/>' for a, b in every)
+    (tmp_path / "all.srdf").write_text(f'<robot name="lumps">{pairs}</robot>')
+    assert kinds("--collision", "urdf", "--srdf", tmp_path / "all.srdf") == (0, set())
+    # Contact between links is allowed in their geometry.
+    ball = rd.Sphere((0.0, 0.0, 3.0), 0.05)
+    allowed = links
+    for first, second in links.pairs:
+        allowed = allowed.allow(first, second)
+    assert rd.check(chain, move, scene=rd.Scene([ball]), links=allowed).ok
+
+
 def test_the_forearm_is_between_the_ball_and_the_pin() -> None:
     """Why a pin costs a saturated step its distance from a ball: at that distance the forearm would be in the pin."""
     chain = rd.catalog.load("pa10")

@@ -1,5 +1,6 @@
 """`check` and `redundancy check`: planted faults are found with row and joint, clean motions are clean, bad input."""
 
+import functools
 import json
 import os
 import pickle
@@ -9,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from arms import example_robots
 
 import redundancy as rd
 
@@ -18,6 +20,20 @@ JERK = 20 * PANDA.acceleration_limit
 DT = 0.01
 FULL = os.environ.get("REDUNDANCY_TEST_FULL") == "1"
 FORMATS = ("json", "csv", "npz")
+KINDS = (
+    *(
+        "position",
+        "velocity",
+        "acceleration",
+        "jerk",
+        "torque",
+        "step",
+        "not_at_rest",
+        "winding",
+        "singularity",
+    ),
+    *("self_collision", "collision", "path_deviation", "time"),
+)
 
 
 def slow(rows: int = 400) -> dict:
@@ -125,6 +141,23 @@ SINGULAR = [
 ]
 
 
+@functools.cache
+def bodies() -> rd.LinkGeometry:
+    """The meshes of a Panda whose description nobody here wrote."""
+    folder = example_robots()
+    return rd.LinkGeometry.from_urdf(
+        PANDA,
+        folder / "panda_description/urdf/panda.urdf",
+        package_dirs=[folder.parents[1]],
+        srdf=folder / "panda_description/srdf/panda.srdf",
+    )
+
+
+def self_collision(m, k, j):
+    m["q"][k, 3] = PANDA.lower[3]  # folded: the hand is in the base
+    return {"links": bodies()}
+
+
 def collision(m, k, j):
     return {"scene": rd.Scene([rd.Sphere(PANDA.forward(m["q"][k])[:3, 3], 0.004)]), "links": 0.002}
 
@@ -151,6 +184,7 @@ FAULTS = [
     *[("not_at_rest", not_at_rest, k, j) for k, j in ((0, 0), (399, 6), (0, 3))],
     *[("winding", winding, k, j) for k, j in ((100, 0), (301, 6), (399, 4))],
     *[("singularity", singularity, k, None) for k in (150, 0, 399)],
+    *[("self_collision", self_collision, k, None) for k in (0, 250, 399)],
     *[("collision", collision, k, None) for k in (0, 250, 399)],
     *[("path_deviation", path_deviation, k, None) for k in (0, 250, 399)],
     *[("time", time, k, None) for k in (1, 200, 399)],
@@ -167,16 +201,19 @@ def test_planted_faults_are_found_with_row_and_joint(case, tmp_path):
         found = [
             f for f in report.findings if f.kind == kind and f.joint == (None if j is None else NAMES[j])
         ]
-        assert [f.row for f in found] == [k], (form, report.findings)
+        # Several pairs of links touch at one row.
+        rows = {f.row for f in found} if kind == "self_collision" else [f.row for f in found]
+        assert list(rows) == [k], (form, report.findings)
         severity = "warning" if kind in {"winding", "singularity"} else "error"
         assert found[0].severity == severity
         assert report.ok == (not any(f.severity == "error" for f in report.findings))
         # The faults of the others are not blamed on joints that have none.
         assert {f.joint for f in report.findings} <= {
             None,
-            *(NAMES if kind == "singularity" else [found[0].joint]),
+            *(NAMES if kind in {"singularity", "self_collision"} else [found[0].joint]),
         }
     assert len(FAULTS) >= 40
+    assert {fault[0] for fault in FAULTS} == set(KINDS)
 
 
 def smooth(chain: rd.Chain, rows: int, seed: int) -> np.ndarray:
@@ -238,10 +275,59 @@ def test_reports_pickle_and_say_what_they_are():
     assert rd.check(PANDA, move, velocity_limits=None, acceleration_limits=None).ok
 
 
+def test_links_that_touch_are_named_and_may_be_allowed():
+    motion = slow()
+    assert rd.check(PANDA, trajectory(motion), links=bodies()).findings == []
+    self_collision(motion, 250, None)
+    found = [f for f in rd.check(PANDA, trajectory(motion), links=bodies()).findings if "self" in f.kind]
+    least = bodies().self_clearance(motion["q"])
+    # Between the rows the links may overlap more.
+    assert min(f.value for f in found) <= least.distance.min() < 0.0
+    first = min(found, key=lambda f: f.value)
+    pair = re.match(r"links '(\w+)' and '(\w+)' overlap", first.message).groups()
+    links = bodies()
+    for a, b in links.pairs:
+        if {a, b} == set(pair):
+            links = links.allow(a, b)
+    left = [f for f in rd.check(PANDA, trajectory(motion), links=links).findings if "self" in f.kind]
+    assert all(not set(pair) <= set(re.findall(r"'(\w+)'", f.message)) for f in left)
+
+
+def trajectory(motion: dict) -> rd.Trajectory:
+    return rd.Trajectory(NAMES, motion["t"], motion["q"], motion["qd"], qdd=motion["qdd"])
+
+
+@pytest.mark.parametrize("ends", ["rest", "moving", "accelerating"])
+def test_every_format_says_the_same_about_rest(ends, tmp_path):
+    """With velocities that a program took as differences, and with accelerations or without."""
+    u = np.linspace(0, 1, 301) + (0.0 if ends == "rest" else 0.1)
+    t = 1.0 + np.pi * 1e-3 + np.arange(301) / 70
+    duration, joints = t[-1] - t[0], np.arange(7)
+    q = np.array([0.1, 0.3, -0.2, -1.6, 0.3, 1.5, 0.4]) + 0.3 * (u**3)[:, None] * joints
+    motions = [{"t": t, "q": q, "qd": np.gradient(q, t, axis=0)}]
+    if ends == "accelerating":
+        exact = {"t": t, "q": q, "qd": 0.9 * (u**2)[:, None] * joints / duration}
+        motions = [exact, {**exact, "qdd": 1.8 * u[:, None] * joints / duration**2}]
+    for jerk in (None, 1.0):
+        said = set()
+        for motion in motions:
+            for form in FORMATS:
+                report = rd.check(PANDA, write(motion, form, tmp_path), jerk_limits=jerk, singularity=0.0)
+                found = [f for f in report.findings if f.kind == "not_at_rest"]
+                said.add(tuple((f.row, f.joint, f.message.split(" at ")[0]) for f in found))
+        assert len(said) == 1, said
+        (found,) = said
+        # The first row moves by less than its differences tell, but accelerates.
+        still = ("rest", "moving") if jerk is None else ("rest",)
+        assert {row for row, *_ in found} == ({300} if ends in still else {0, 300})
+        assert any("accelerates" in words for *_, words in found) == (jerk is not None)
+
+
 def test_jumps_of_acceleration_are_jerk():
     move = rd.retime(PANDA, smooth(PANDA, 200, 3))
     report = rd.check(PANDA, move, jerk_limits=JERK, singularity=0.0)
-    assert {f.kind for f in report.findings} == {"jerk"}
+    assert {f.kind for f in report.findings} == {"jerk", "not_at_rest"}
+    assert {f.row for f in report.findings if f.kind == "not_at_rest"} == {0, len(move) - 1}
 
 
 def test_joints_in_any_order(tmp_path):

@@ -14,6 +14,8 @@ from redundancy.explorer.mailbox import Mailbox
 from redundancy.explorer.model import PoseModel, RefusedError, inside
 from redundancy.explorer.path_model import PathModel, merged
 from redundancy.explorer.scene_model import SceneModel
+from redundancy.explorer.servo_model import ServoModel, limit_words
+from redundancy.explorer.ticker import Ticker
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 MET = 1e-9
@@ -298,6 +300,86 @@ def test_sizes_that_no_obstacle_has_are_refused(size):
     assert model.scene.obstacles[0].radius == 0.1
 
 
+# --- servo --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["iiwa14", "panda", "ur5e"])
+def test_the_servo_reaches_its_target_within_all_limits(name):
+    chain = rd.catalog.load(name)
+    q = PoseModel(chain).q
+    model, target = ServoModel(chain), chain.forward(q)
+    model.start(q, target)
+    middle = 0.5 * (np.maximum(chain.lower, -3.0) + np.minimum(chain.upper, 3.0))
+    rows = []
+    for k in range(400):
+        if k < 100:
+            target = chain.forward(q + 0.002 * (k + 1) * (middle - q))
+            model.aim(target)
+        model.tick()
+        rows.append(model.latest.q)
+    assert model.latest.status == "converged"
+    np.testing.assert_allclose(chain.forward(model.latest.q), target, atol=MET)
+    assert model.latest.position_error < MET
+    rows, dt = np.array([q, *rows]), model.dt
+    speeds = np.diff(rows, axis=0) / dt
+    changes = np.diff(np.vstack([np.zeros(chain.dof), speeds]), axis=0) / dt
+    assert (rows >= chain.lower - MET).all()
+    assert (rows <= chain.upper + MET).all()
+    assert (np.abs(speeds) <= model.velocity_limits + 1e-9).all()
+    assert (np.abs(changes) <= model.acceleration_limits * (1.0 + 1e-9)).all()
+    history = model.history()
+    assert len(history) == 100
+    np.testing.assert_allclose(np.diff(history[:, 0]), 4.0 * dt, atol=1e-12)
+
+
+def test_a_servo_says_why_it_cannot_start_or_arrive():
+    chain = rd.catalog.load("iiwa14")
+    model = ServoModel(chain)
+    q = PoseModel(chain).q
+    with pytest.raises(RefusedError, match="not started"):
+        model.tick()
+    outside = q.copy()
+    outside[3] = chain.upper[3] + 0.1
+    with pytest.raises(RefusedError, match="joint 'A4'"):
+        model.start(outside, chain.forward(q))
+    target = chain.forward(q)
+    model.start(q, target)
+    target[:3, 3] = (0.0, 0.0, 3.0)
+    model.aim(target)
+    for _ in range(300):
+        model.tick()
+    assert model.latest.status in {"unreachable", "limits"}
+    assert model.words().startswith(f"{model.latest.status}: ")
+    assert len(model.words()) > 20
+    error = np.linalg.norm(chain.forward(model.latest.q)[:3, 3] - target[:3, 3])
+    assert model.latest.position_error == pytest.approx(error, abs=1e-12)
+    for bad in (np.nan, 1e9):
+        target[0, 3] = bad
+        with pytest.raises(RefusedError):
+            model.aim(target)
+    assert limit_words([]) == "nothing"
+    assert limit_words([("A4", "velocity", "upper")]) == "A4 velocity (upper)"
+
+
+def test_ticks_keep_their_rate_and_end():
+    import time
+
+    times, failures = [], []
+    ticker = Ticker(0.01, lambda: times.append(time.perf_counter()), failures.append)
+    threading.Event().wait(0.3)
+    ticker.stop()
+    assert not ticker.running
+    count = len(times)
+    assert count == ticker.ticks
+    # Late ticks do not delay the ones after them, unless they were so late that they were dropped.
+    assert count + ticker.dropped >= 25
+    threading.Event().wait(0.05)
+    assert len(times) == count
+    broken = Ticker(0.01, lambda: 1 // 0, failures.append)
+    broken.stop()
+    assert isinstance(failures[0], ZeroDivisionError)
+
+
 # --- the page -----------------------------------------------------------------------------------------------
 
 
@@ -389,6 +471,43 @@ def test_planning_again_reports_progress_and_can_be_cancelled(view):
     assert view.path.lines[0].name == "new plan"
     assert view.path.lines[0].plan.legal
     assert view.path_panel.progress.value == 100.0
+
+
+def test_the_servo_takes_the_arm_and_gives_it_back(view):
+    panel = view.servo_panel
+    view.call(lambda: view.pose_panel.go_to("best"))
+    view.call(lambda: panel.switch(True))
+    ticker = panel.ticker
+    at, wxyz = view.pose.target[:3, 3] + (0.0, 0.0, 0.02), rd.quaternion.from_matrix(view.pose.target[:3, :3])
+    view.call(lambda: view.pose_panel.dragged(at, wxyz))
+    for _ in range(500):
+        threading.Event().wait(0.02)
+        if view.servo.latest.position_error < 0.1 * MET:
+            break
+    view.settle()
+    np.testing.assert_allclose(view.pose.chain.forward(view.servo.latest.q)[:3, 3], at, atol=MET)
+    assert "time to stop" in panel.figures.content
+    # Whatever pose mode is asked for, it takes the arm.
+    view.call(lambda: view.pose_panel.go_to("nearest"))
+    assert not ticker.running
+    assert not panel.on.value
+    assert view.pose.reached
+    assert "kind of optimum" in view.pose_panel.facts.content
+    # A configuration outside of the limits is refused, in words.
+    model = view.pose
+    q = model.q.copy()
+    model.q = q + 9.0
+    view.post("servo", lambda: panel.switch(True))
+    view.settle()
+    assert "cannot start" in view.notices.content
+    assert not panel.running
+    model.q = q
+    # Closing ends it.
+    with rd.explore(model.chain, port=0, open_browser=False) as other:
+        other.call(lambda: other.servo_panel.switch(True))
+        ticker = other.servo_panel.ticker
+        assert ticker.running
+    assert not ticker.running
 
 
 def test_two_plans_stand_side_by_side():
@@ -550,7 +669,10 @@ def test_the_missing_extra_is_named():
 
 
 def test_a_soak_leaves_no_queue_and_no_memory(view):
-    """Ten minutes of a dragged gizmo with REDUNDANCY_TEST_FULL=1, some hundred moves without it."""
+    """Ten minutes of a dragged gizmo with REDUNDANCY_TEST_FULL=1, some hundred moves without it.
+
+    The servo follows the gizmo in the second half of the time.
+    """
     import os
     import time
 
@@ -567,7 +689,8 @@ def test_a_soak_leaves_no_queue_and_no_memory(view):
     }
     start, waiting, sizes, moves = view.pose.target.copy(), 0, [], 0
     wxyz = rd.quaternion.from_matrix(start[:3, :3]).tolist()
-    end = time.monotonic() + (600.0 if full else 1.0)
+    begin, length = time.monotonic(), 600.0 if full else 1.0
+    end = begin + length
     with connect(
         view.url.replace("http", "ws"), subprotocols=[f"viser-v{viser.__version__}"], max_size=None
     ) as s:
@@ -587,23 +710,34 @@ def test_a_soak_leaves_no_queue_and_no_memory(view):
                 )
             )
             moves += 1
+            if not view.servo_running and time.monotonic() > begin + 0.5 * length:
+                view.call(lambda: view.servo_panel.switch(True))
             waiting = max(waiting, len(view.mailbox))
             threading.Event().wait(0.005)
             if moves % 2000 == 0:
                 sizes.append((resident(), len(view.server._websock_server._broadcast_buffer.message_from_id)))
         assert reader.is_alive()
         wanted = np.array(position)
-        for _ in range(200):
+        ticker = view.servo_panel.ticker
+        assert view.servo_running
+        for _ in range(1000):
             view.settle()
-            if np.allclose(view.pose.target[:3, 3], wanted, atol=MET):
+            here = np.allclose(view.servo.target[:3, 3], wanted, atol=MET)
+            if here and view.servo.latest.position_error < 0.1 * MET:
                 break
             threading.Event().wait(0.02)
+        view.call(lambda: view.servo_panel.switch(False))
         np.testing.assert_allclose(view.pose.target[:3, 3], wanted, atol=MET)
     reader.join(10.0)
     assert moves > 20
-    assert waiting <= 2
+    assert waiting <= 3
     np.testing.assert_allclose(view.pose.chain.forward(view.pose.q), view.pose.target, atol=MET)
+    assert not ticker.running
     if full:
+        print(
+            f"{moves} moves, {ticker.ticks} ticks, at most {1e3 * ticker.late:.1f} ms late, {ticker.dropped} dropped"
+        )
+        print("resident memory (MB) and messages kept:", [(round(m / 1e6, 1), k) for m, k in sizes])
         settled = sizes[len(sizes) // 4 :]
         assert settled[-1][0] - settled[0][0] < 20e6, sizes
         assert settled[-1][1] - settled[0][1] < 200, sizes

@@ -68,8 +68,12 @@ def test_plans_can_be_run(robot, tmp_path, capsys):
     summary = command("plan", robot, chain, tmp_path)
     assert summary["timing"]["times"] == "retimed"
     assert summary["timing"]["violations"] == 0
+    assert summary["timing"]["jerk_limits_assumed"] is True
+    jerk = summary["timing"]["jerk_limits"]
+    assert np.allclose(jerk, 10.0 * np.array(summary["timing"]["acceleration_limits"]))
     assert checked(robot, tmp_path) == 0, capsys.readouterr().out
     made = rd.Trajectory.from_json(tmp_path / "out" / "trajectory.json")
+    assert rd.check(chain, made, acceleration_limits=None, jerk_limits=jerk).ok
     # One row per point of the path, with accelerations.
     assert len(made) == 60
     assert made.qdd is not None

@@ -119,3 +119,25 @@ def test_times_use_the_limits_and_keep_them():
     assert (np.abs(rd.Trajectory([f"j{i}" for i in range(7)], t, q).qd) <= 0.9 * limits * (1 + 1e-9)).all()
     with pytest.raises(rd.RedundancyError, match="without a velocity limit"):
         rd.times_within_limits(q, np.full(7, np.inf))
+
+
+def test_motions_are_joined_where_they_meet():
+    panda = rd.catalog.load("panda")
+    a, b, c = np.array([0, 0.3, 0, -1, 0.2, 1, 0]) + np.array([0.0, 0.2, -0.1])[:, None]
+    for jerk in (None, 2000.0):
+        first, second = (rd.joint_move(panda, *ends, jerk_limits=jerk) for ends in ((a, b), (b, c)))
+        whole = first.joined(second)
+        assert len(whole) == len(first) + len(second) - 1
+        assert np.array_equal(whole.t, [*first.t, *(second.t[1:] + first.t[-1])])
+        assert (whole.qdd is None) == (jerk is None)
+        assert rd.check(panda, whole, jerk_limits=jerk).findings == []
+        late = np.linspace(0.0, second.t[-1], 50)
+        for own, its in zip(whole.sample(first.t[-1] + late[1:-1]), second.sample(late[1:-1]), strict=True):
+            assert np.allclose(own, its, atol=1e-6 * (1 + np.abs(its).max()))
+    with pytest.raises(ValueError, match=r"position of joint 'panda_joint1' is 0\.2 .* and 0 "):
+        first.joined(first)
+    moving = rd.Trajectory(second.joint_names, second.t, second.q, second.qd + 0.1)
+    with pytest.raises(ValueError, match="velocity of joint 'panda_joint1'"):
+        first.joined(moving)
+    with pytest.raises(ValueError, match="joints of the two motions"):
+        first.joined(rd.Trajectory(["other"], [0.0], [[0.0]]))

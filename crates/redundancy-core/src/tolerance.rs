@@ -1,12 +1,10 @@
 //! Every numeric threshold of the crate, named, with the reason for its size.
 
 mod levels;
+mod motion;
 
-pub use levels::{
-    BLOCKED_SCALE, CONE_AXIS_SINE, FROZEN_MULTIPLIER, FROZEN_ROW, GRADIENT_DIFFERENCE, LEVEL_RANK,
-    PRIORITY_RESIDUAL, PROXIMAL_CHANGE, PROXIMAL_WEIGHT, SECOND_DIFFERENCE, TORQUE_ZERO,
-    UNREACHABLE_VELOCITY, VALUE_DIFFERENCE, YIELD_WEIGHT,
-};
+pub use levels::*;
+pub use motion::*;
 
 /// Largest deviation of `R^T R` from the identity (max norm) of a rotation that is used as the caller gives it.
 /// Single-precision matrices (6e-8 per entry) are.
@@ -710,41 +708,6 @@ pub const SCENE_SIZE: f64 = 1e9;
 /// Largest factor of a criterion, and reciprocal of the least: values, gradients and their squares stay finite.
 pub const CRITERION_FACTOR: f64 = 1e60;
 
-/// Distance between two rows of a joint path (rad or m) below which they are one and the arm waits there: shorter chords
-/// have no direction.
-pub const RETIME_SAME_ROW: f64 = 1e-9;
-
-/// Time (s) between two equal rows: the shortest that any controller of arms tells apart.
-pub const RETIME_DWELL: f64 = 1e-3;
-
-/// Turn of a joint path at one row (rad) that no smooth curve is sampled with.
-pub const RETIME_SHARP_CORNER: f64 = 0.5;
-
-/// How much more than its neighbours a row must turn to be a corner: samples of a smooth curve turn alike.
-pub const RETIME_CORNER_RATIO: f64 = 3.0;
-
-/// Distance (rad or m) from a straight line in joint space within which rows are on it.
-pub const RETIME_STRAIGHT: f64 = 1e-9;
-
-/// Nodes that a stretch between two stops has at least.
-pub const RETIME_NODES: usize = 100;
-
-/// Turn of a joint path from node to node (rad) above which nodes are put between rows, and into how many parts an interval
-/// is cut at most: beside finer gridpoints, rows that turn by 0.4 rad cost up to 4 % of the duration.
-pub const RETIME_TURN: f64 = 0.12;
-/// See [`RETIME_TURN`].
-pub const RETIME_TURN_PARTS: usize = 5;
-
-/// Nodes below which a jerk-limited stretch is one ease: a profile needs some for each end and some between.
-pub const RETIME_LEAST_NODES: usize = 12;
-
-/// Intervals next to a rest over which the parameter goes over from the cube root of the length to the length: over many,
-/// so that the jerk changes little in the first.
-pub const RETIME_ZONE: usize = 48;
-
-/// Relative excess of a jerk-limited motion's duration over the optimum at which the barrier method stops.
-pub const RETIME_GAP: f64 = 1e-3;
-
 /// Least share of a path that a step counts, relative to the mean share: a step without length or time (a stop, a turn on
 /// the spot) still costs what its joints move.
 pub const PLAN_LEAST_SHARE: f64 = 1e-3;
@@ -759,42 +722,3 @@ pub const PLAN_ROOM: f64 = 1e-3;
 
 /// Depth, m, of a contact on a line of the search that its refinement is not expected to push out.
 pub const PLAN_DEEP: f64 = 0.03;
-
-/// Share of a limit by which a checked trajectory may exceed it: files of other programs carry four to six digits.
-pub const CHECK_RELATIVE: f64 = 1e-3;
-
-/// Times of a checked trajectory are rounded to this, s: the nanoseconds of ROS messages.
-pub const CHECK_TIME_ROUNDING: f64 = 1e-9;
-
-/// Distance (rad or m) beyond a position limit that rounded numbers explain.
-pub const CHECK_WITHIN: f64 = 1e-6;
-
-/// Largest distance (m) of a checked motion from its path: a tenth of what hand-guided calibration leaves.
-pub const CHECK_POSITION: f64 = 1e-3;
-
-/// Largest angle (rad) of a checked motion from its path's orientation: at a tool of 0.1 m the same as
-/// [`CHECK_POSITION`].
-pub const CHECK_ORIENTATION: f64 = 1e-2;
-
-/// Ratio of the least to the largest singular value below which a checked row is near a singularity: a tool speed then
-/// takes a thousand times the joint speed.
-pub const CHECK_SINGULARITY: f64 = 1e-3;
-
-/// Speed (rad/s or m/s) and acceleration at which a row counts as at rest: no brake tells it from rest.
-pub const CHECK_REST: f64 = 1e-3;
-
-/// How much faster than an interval beside it an interval must be to be a jump: smooth motion changes less from row to row
-/// unless it is near rest.
-pub const CHECK_JUMP_RATIO: f64 = 3.0;
-
-/// Distance (rad) from a whole number of turns within which a step is one of whole turns.
-pub const CHECK_TURN: f64 = 0.1;
-
-/// Shortest interval (s) between two rows of a checked trajectory: no controller has a shorter cycle.
-pub const CHECK_LEAST_INTERVAL: f64 = 1e-6;
-
-/// Largest joint step (rad or m) between two places at which contact is looked for: 2 cm at a metre.
-pub const CHECK_CONTACT_STEP: f64 = 0.02;
-
-/// Radius (m) of the capsules from joint to joint of an arm whose shape is not given.
-pub const CHECK_LINK_RADIUS: f64 = 0.05;

@@ -289,9 +289,10 @@ fn rows_of_archive(archive: &Bound<'_, PyAny>, chain_names: &[String]) -> PyResu
 ///     chain: The arm, or an arm object.
 ///     trajectory: A trajectory or plan, or a file of any origin: JSON (ROS `JointTrajectory`), CSV or npz. The joints
 ///         may be in any order.
-///     path: The path that the tool should follow, except in rows of the sections `lead_in` and `lead_out`.
+///     path: The path that the tool should follow, except in rows of the sections `lead_in`, `blend` and `lead_out`.
 ///     scene: Obstacles.
-///     links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default.
+///     links: Shapes of the links, or a radius (m) of capsules from joint to joint; 0.05 by default. Pairs of a
+///         `LinkGeometry` must not touch each other: `self_collision`.
 ///     velocity_limits: `(n,)` rad/s or m/s, `"chain"`, or None for off.
 ///     acceleration_limits: `(n,)` rad/s^2 or m/s^2, `"chain"`, or None for off.
 ///     jerk_limits: `(n,)` or one number for all, rad/s^3 or m/s^3.

@@ -608,7 +608,7 @@ impl From<Event> for PyEvent {
 ///     qd: `(N, n)` joint velocities, rad/s or m/s; differences of `q` when left out.
 ///     events: Events, in order.
 ///     qdd: `(N, n)` joint accelerations, rad/s^2 or m/s^2.
-///     section: Per row `lead_in`, `path` or `lead_out`.
+///     section: Per row `lead_in`, `path`, `blend` or `lead_out`.
 ///
 /// Example:
 ///     >>> import redundancy as rd
@@ -777,13 +777,39 @@ impl PyTrajectory {
         self.trajectory.qdd().map(|qdd| to_array(py, qdd, shape)).transpose()
     }
 
-    /// Per row `lead_in`, `path` or `lead_out` `(N,)`, where that is known. A copy.
+    /// Per row `lead_in`, `path`, `blend` or `lead_out` `(N,)`, where that is known. A copy.
     #[getter]
     fn section<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(sections) = self.trajectory.sections() else { return Ok(None) };
         let words: Vec<&str> = sections.iter().map(|section| section.as_str()).collect();
         // Also without rows an array of strings.
         py.import("numpy")?.getattr("array")?.call1((words, pyo3::intern!(py, "U"))).map(Some)
+    }
+
+    /// This motion and then another that begins where it ends.
+    ///
+    /// The last row of this one is the first of the other, whose times follow. Accelerations are kept where both
+    /// motions have them.
+    ///
+    /// Args:
+    ///     other: A motion of the same joints; its first row has the positions (within 1e-6 rad or m) and the
+    ///         velocities of the last row of this one.
+    ///
+    /// Returns:
+    ///     A trajectory with the rows of both, N + M - 1.
+    ///
+    /// Raises:
+    ///     RedundancyError: Other joints, positions or velocities that differ where the two meet.
+    ///
+    /// Example:
+    ///     >>> import redundancy as rd
+    ///     >>> arm = rd.catalog.load("panda")
+    ///     >>> a, b = [0, 0.3, 0, -1, 0.2, 1, 0], [0.5, 0.3, 0, -1, 0.2, 1, 0]
+    ///     >>> move = rd.joint_move(arm, a, b).joined(rd.joint_move(arm, b, a))
+    ///     >>> rd.check(arm, move).ok
+    ///     True
+    fn joined(&self, other: &Bound<'_, Self>) -> PyResult<Self> {
+        self.trajectory.joined(&other.get().trajectory).map(Self::from).map_err(to_py)
     }
 
     /// Position, velocity, acceleration and jerk of the trajectory's own interpolation.

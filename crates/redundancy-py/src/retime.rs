@@ -18,20 +18,23 @@ pub struct PyRetimed {
     path_rows: Vec<usize>,
     stops: Vec<usize>,
     stretched: f64,
+    blends: Vec<usize>,
 }
 
 #[pymethods]
 impl PyRetimed {
     #[new]
+    #[pyo3(signature = (trajectory, limiting, path_rows, stops, stretched, blends=Vec::new()))]
     fn new(
         trajectory: &Bound<'_, PyTrajectory>,
         limiting: Vec<Option<String>>,
         path_rows: Vec<usize>,
         stops: Vec<usize>,
         stretched: f64,
+        blends: Vec<usize>,
     ) -> PyClassInitializer<Self> {
         let base = PyTrajectory::from(trajectory.get().trajectory.clone());
-        PyClassInitializer::from(base).add_subclass(Self { limiting, path_rows, stops, stretched })
+        PyClassInitializer::from(base).add_subclass(Self { limiting, path_rows, stops, stretched, blends })
     }
 
     /// Per row (N): the limit that is used most.
@@ -57,6 +60,12 @@ impl PyRetimed {
         self.stops.clone()
     }
 
+    /// Rows of the path whose corners the arm passes without a stop, see `blend`.
+    #[getter]
+    fn blends(&self) -> Vec<usize> {
+        self.blends.clone()
+    }
+
     /// Largest ratio by which a section between two stops was slowed down after it was solved; 1.0 for none.
     #[getter]
     fn stretched(&self) -> f64 {
@@ -73,7 +82,7 @@ impl PyRetimed {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let this = slf.get();
         let base = Bound::new(slf.py(), PyTrajectory::from(slf.as_super().get().trajectory.clone()))?;
-        let parts = (base, this.limiting(), this.path_rows(), this.stops(), this.stretched);
+        let parts = (base, this.limiting(), this.path_rows(), this.stops(), this.stretched, this.blends());
         Ok((slf.get_type().into_any(), parts.into_pyobject(slf.py())?.into_any()))
     }
 }
@@ -106,6 +115,10 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 ///     at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
 ///     corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
 ///         turning of a smooth curve from row to row does not count.
+///     blend: distance (m) from a corner within which the tool may pass it without a stop, on a curve in place of the
+///         corner; a turn of the tool counts 0.1 m per radian. The curve takes at most half of the path to the next
+///         corner or end and stays within the position limits; where none does, where the path turns back, and where a
+///         stop takes less time (short curves with limited jerk), the arm stops. Rows on a curve have the section `blend`; rows of the path that it replaces are moved onto it.
 ///     dt: interval (s) of the rows of the result, which then replace those of the path.
 ///     rows_between: whether rows may be added between those of the path: where the phases of a straight motion
 ///         change, and where rows are sparse. If False, there is one row per row of the path, and the motion may be
@@ -113,7 +126,8 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 ///     gravity: `(3,)`, m/s^2, world axes.
 ///
 /// Returns:
-///     The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
+///     The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`. Its events name the
+///     corners at which the arm stops and those that it passes, and how far from them.
 ///
 /// Raises:
 ///     RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with
@@ -128,9 +142,9 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 #[pyfunction]
 #[pyo3(name = "retime", signature = (chain, trajectory, *, tool_speed=None, velocity_limits=Some(JointLimits::Word("chain".into())),
     acceleration_limits=Some(JointLimits::Word("chain".into())), jerk_limits=None, torque_limits=None, at_rest=true, corner_angle=0.02,
-    dt=None, rows_between=true, gravity=STANDARD_GRAVITY),
+    blend=0.0, dt=None, rows_between=true, gravity=STANDARD_GRAVITY),
     text_signature = "(chain, trajectory, *, tool_speed=None, velocity_limits=\"chain\", acceleration_limits=\"chain\", \
-    jerk_limits=None, torque_limits=None, at_rest=True, corner_angle=0.02, dt=None, \
+    jerk_limits=None, torque_limits=None, at_rest=True, corner_angle=0.02, blend=0.0, dt=None, \
     rows_between=True, gravity=(0.0, 0.0, -9.81))")]
 pub fn py_retime<'py>(
     py: Python<'py>,
@@ -143,6 +157,7 @@ pub fn py_retime<'py>(
     torque_limits: Option<JointLimits<'py>>,
     at_rest: bool,
     corner_angle: f64,
+    blend: f64,
     dt: Option<f64>,
     rows_between: bool,
     gravity: Gravity,
@@ -173,6 +188,7 @@ pub fn py_retime<'py>(
         tool_speed,
         at_rest,
         corner_angle,
+        blend,
         dt,
         rows_between,
         gravity: gravity.into(),
@@ -184,6 +200,7 @@ pub fn py_retime<'py>(
         path_rows: retimed.path_rows,
         stops: retimed.stops,
         stretched: retimed.stretched,
+        blends: retimed.blends,
     };
     Bound::new(py, PyClassInitializer::from(PyTrajectory::from(retimed.trajectory)).add_subclass(own))
 }

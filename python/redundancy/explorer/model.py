@@ -156,6 +156,10 @@ class PoseModel:
             self.piece = names.index(label)
             self.slide(u)
 
+    def carry(self, q: Array) -> None:
+        """Show a configuration that something else chose, on the way to the target: on no piece."""
+        self.q, self.piece, self.reason = q, None, ""
+
     def set_scene(self, scene: rd.Scene | None) -> None:
         """Other obstacles."""
         self.scene = scene
@@ -259,6 +263,11 @@ class PoseModel:
         finite_range = np.isfinite(half) & (half > 0.0)
         out[finite_range] = self.margins[finite_range] / half[finite_range]
         return out
+
+    @property
+    def sliding(self) -> list[bool]:
+        """Which joints slide."""
+        return [bool(np.linalg.norm(axis) < 0.5) for axis in self.chain.jacobian(self.q)[3:].T]
 
     def facts(self) -> Facts:
         """Figures of the present configuration."""

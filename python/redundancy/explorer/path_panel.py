@@ -81,11 +81,14 @@ class PathPanel:
 
     def seek(self, time: float) -> None:
         """Show a time."""
+        self.view.take_the_arm()
         self.model.set_time(time)
         self.push()
 
     def start(self, wanted: bool) -> None:
         """Play or stop; from the beginning when it has ended."""
+        if wanted:
+            self.view.take_the_arm()
         if wanted and self.model.time >= self.model.duration:
             self.model.set_time(0.0)
         if wanted:

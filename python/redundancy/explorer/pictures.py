@@ -20,6 +20,11 @@ TEXT = "font-family:system-ui,sans-serif;font-size:11px"
 NEAR_LIMIT = 0.1
 """Share of half a joint's range below which its margin is drawn as near the limit."""
 
+NOTHING = 1e-3
+"""Share of the range of a drawing below which a label is 0."""
+FULL = 0.999
+"""Share of a limit from which it is drawn as reached."""
+
 
 def rgb(colour: str) -> tuple[int, int, int]:
     """Three bytes of a colour such as `#0072b2`."""
@@ -129,6 +134,20 @@ def margins(names: Sequence[str], values: Array, shares: Array, prismatic: Seque
     return figure(WIDTH, 4.0 + row * len(names), parts, "distance of each joint from its nearer limit")
 
 
+def loads(names: Sequence[str], shares: Array) -> str:
+    """A bar per joint: how much of a limit it uses, from 0 to 1."""
+    row, label, right = 15.0, 108.0, 62.0
+    parts, room = [], WIDTH - label - right
+    for j, name in enumerate(names):
+        y, share = 2.0 + row * j, float(shares[j])
+        colour = VERMILION if share >= FULL else BLUE
+        parts.append(text(label - 6, y + 11, name if len(name) <= 17 else "…" + name[-16:], "end"))
+        parts.append(rect(label, y + 3, room, 9, LIGHT))
+        parts.append(rect(label, y + 3, room * float(np.clip(share, 0.0, 1.0)), 9, colour))
+        parts.append(text(label + room + 4, y + 11, f"{100.0 * share:.0f} %"))
+    return figure(WIDTH, 4.0 + row * len(names), parts, "speed of each joint as a share of its limit")
+
+
 def clearances(values: dict[str, float], most: float) -> str:
     """A bar per link: its distance from the obstacles."""
     row, label, right = 15.0, 108.0, 62.0
@@ -185,7 +204,9 @@ def strip(
                 'stroke-dasharray="5 3"/>'
             )
     for level in (low + pad, high - pad):
-        parts.append(text(left - 4, float(py(level)) + 4, f"{level:.3g}", "end"))
+        # What is nothing beside the range is 0, not 1e-15.
+        rounded = 0.0 if abs(level) < NOTHING * (high - low) else level
+        parts.append(text(left - 4, float(py(level)) + 4, f"{rounded:.3g}", "end"))
     for _, v, colour in lines:
         parts.append(polyline(px(x), py(v), colour))
     if at is not None:

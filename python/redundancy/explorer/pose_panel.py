@@ -83,25 +83,50 @@ class PosePanel:
         @self.gizmo.on_update
         async def _(event: Any) -> None:
             position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
-            view.post("gizmo", lambda: self.move(position, wxyz))
+            view.post("gizmo", lambda: self.dragged(position, wxyz))
 
     # --- what a user does ---------------------------------------------------------------------------------
 
+    def dragged(self, position: Any, wxyz: Any) -> None:
+        """The gizmo was dragged: the servo follows it when it is on, else the arm is put there."""
+        if self.view.servo_running:
+            self._take(position, wxyz, self.view.servo_panel.aim)
+        else:
+            self.move(position, wxyz)
+
     def move(self, position: Any, wxyz: Any) -> None:
-        """The gizmo was dragged."""
+        """Put the tool at a pose of the gizmo."""
+        self._take(position, wxyz, self.model.move)
+        self.push()
+
+    def _take(self, position: Any, wxyz: Any, action: Any) -> None:
+        """Do something with a pose of the gizmo; it goes back when that is refused."""
         try:
-            pose = rd.pose(
-                position, quaternion_wxyz=np.asarray(wxyz) / max(float(np.linalg.norm(wxyz)), 1e-300)
-            )
-            self.model.move(pose)
+            size = max(float(np.linalg.norm(wxyz)), 1e-300)
+            action(rd.pose(position, quaternion_wxyz=np.asarray(wxyz) / size))
         except (ValueError, rd.RedundancyError):
             self.gizmo.position = self.model.target[:3, 3]
             self.gizmo.wxyz = drawing.quaternion(self.model.target)
             raise
+
+    def lend(self, words: str) -> None:
+        """Something else moves the arm: what is known of one pose only is not shown."""
+        scene = self.view.server.scene
+        for node in ("/elbow", "/ghosts"):
+            scene.remove_by_name(node)
+        self.status.content = paragraph(words, pictures.INK)
+        self.bands.content = self.facts.content = ""
+        self.model.carry(self.model.q)
+
+    def give_back(self, q: Any) -> None:
+        """Go on from a configuration."""
+        self.model.adopt(q)
+        self.follow()
         self.push()
 
     def choose(self, label: str) -> None:
         """A piece was chosen from the list."""
+        self.view.take_the_arm()
         if label in self.piece.options and label != NO_PIECE:
             self.act(lambda: self.model.choose(self.piece.options.index(label)))
 
@@ -115,6 +140,7 @@ class PosePanel:
 
     def go_to(self, name: str) -> None:
         """Best or nearest."""
+        self.view.take_the_arm()
         found = self.model.best() if name == "best" else self.model.nearest()
         self.push()
         if found.q is None:
@@ -136,6 +162,7 @@ class PosePanel:
 
     def act(self, what: Any) -> None:
         """Change the model, then show it."""
+        self.view.take_the_arm()
         what()
         self.push()
 
@@ -147,8 +174,10 @@ class PosePanel:
         return index is None or self.model.pieces[index].closed
 
     def push(self) -> None:
-        """Show the model."""
+        """Show the model; not what something else does with the arm."""
         model = self.model
+        if self.view.servo_running:
+            return
         self.arm.show(model.q, model.shares)
         self._push_space()
         self._push_controls()
@@ -213,11 +242,10 @@ class PosePanel:
         if facts.self_clearance is not None:
             distance, first, second = facts.self_clearance
             lines.append(f"<b>self-distance</b> {1e3 * distance:.0f} mm ({first}, {second})")
-        sliding = [bool(np.linalg.norm(c) < 0.5) for c in model.chain.jacobian(model.q)[3:].T]
         out = (
             block("<br>".join(lines))
             + heading("distance from the joint limits")
-            + pictures.margins(model.chain.joint_names, model.margins, model.shares, sliding)
+            + pictures.margins(model.chain.joint_names, model.margins, model.shares, model.sliding)
         )
         if facts.clearances:
             out += heading("distance from the obstacles, per link")

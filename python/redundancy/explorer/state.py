@@ -64,6 +64,7 @@ def load(view: "View", text: str) -> None:
     except rd.RedundancyError as error:
         raise RefusedError(f"the scene of the state: {error}") from error
     view.path_panel.cancel()  # a plan in progress is for other obstacles
+    view.take_the_arm()
     view.scene.set_scene(scene)
     pose.choose_criterion(criterion)
     pose.set_scene(view.scene.scene)

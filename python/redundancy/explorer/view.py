@@ -25,6 +25,8 @@ from redundancy.explorer.path_panel import PathPanel, shares
 from redundancy.explorer.pose_panel import PosePanel, paragraph
 from redundancy.explorer.scene_model import SceneModel
 from redundancy.explorer.scene_panel import ScenePanel
+from redundancy.explorer.servo_model import ServoModel
+from redundancy.explorer.servo_panel import ServoPanel
 
 T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
@@ -49,6 +51,7 @@ class View:
         pose: The `PoseModel`: what pose mode shows.
         path: The `PathModel`.
         scene: The `SceneModel`.
+        servo: The `ServoModel`.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class View:
         port: int = 8080,
     ) -> None:
         self.pose, self.path, self.scene = pose, path, scene
+        self.servo = ServoModel(pose.chain)
         self._closed = threading.Event()
         self.mailbox = Mailbox(self.failed)
         with _quiet():
@@ -79,6 +83,8 @@ class View:
             self.path_panel = PathPanel(self, path)
         with self.tabs.add_tab("Scene"):
             self.scene_panel = ScenePanel(self, scene)
+        with self.tabs.add_tab("Servo"):
+            self.servo_panel = ServoPanel(self, self.servo)
         with self.tabs.add_tab("File"):
             self.file_panel = FilePanel(self)
         self.ready = True
@@ -94,10 +100,11 @@ class View:
         return f"http://{host}:{self.server.get_port()}"
 
     def close(self) -> None:
-        """Stop serving; plans in progress are cancelled."""
+        """Stop serving; the servo ends, plans in progress are cancelled."""
         if self._closed.is_set():
             return
         self._closed.set()
+        self.servo_panel.halt()
         self.path_panel.planner.close()
         self.mailbox.close()
         with _quiet():
@@ -209,8 +216,32 @@ class View:
         if self.ready:
             self.scene_panel.carry(self.pose.q)
 
+    @property
+    def servo_running(self) -> bool:
+        """Whether the servo moves the arm."""
+        return self.ready and self.servo_panel.running
+
+    def take_the_arm(self) -> None:
+        """Pose or path mode moves the arm: the servo stops."""
+        if self.servo_running:
+            self.servo_panel.stop()
+
+    def show_servo(self, q: Array) -> None:
+        """Draw the arm where the servo has it, and how near the obstacles are that it does not look at."""
+        pose = self.pose
+        pose.carry(q)
+        self.pose_panel.arm.show(q, pose.shares)
+        self.scene_panel.carry(q)
+        ends = None
+        if pose.scene is not None and len(pose.scene):
+            near = pose.scene.clearance(pose.chain, q, pose.shapes)
+            ends = near.on_link, near.on_obstacle
+        self.nearest_line(ends)
+
     def show_configuration(self, q: Array) -> None:
         """Draw the arm in a configuration of a plan; pose mode follows when nothing is playing."""
+        if self.servo_running:
+            return
         if self.ready and not self.path_panel.play.value:
             self.pose.adopt(q)
             self.pose_panel.follow()
@@ -254,8 +285,8 @@ class View:
         server.scene.add_light_ambient("/ambient", intensity=0.8)
         ground = np.array([base[0], base[1], min(0.0, base[2])])
         drawing.grid(server.scene, "/ground", ground, reach)
-        server.initial_camera.position = tuple(base + reach * np.array([1.1, 0.9, 0.85]))
-        server.initial_camera.look_at = tuple(base + reach * np.array([0.0, 0.0, 0.35]))
+        server.initial_camera.position = tuple(base + reach * np.array([0.8, 0.68, 0.62]))
+        server.initial_camera.look_at = tuple(base + reach * np.array([0.1, 0.0, 0.3]))
 
     def _refused(self, reason: str) -> None:
         self.refused += 1

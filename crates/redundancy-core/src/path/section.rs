@@ -13,19 +13,22 @@ pub enum Section {
     LeadIn,
     /// On the path.
     Path,
+    /// On a curve near a corner of the path that replaces the corner.
+    Blend,
     /// On the way from the path.
     LeadOut,
 }
 
 impl Section {
     /// Every section, in declaration order.
-    pub const ALL: [Self; 3] = [Self::LeadIn, Self::Path, Self::LeadOut];
+    pub const ALL: [Self; 4] = [Self::LeadIn, Self::Path, Self::Blend, Self::LeadOut];
 
     /// The section as a word in lower snake case.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::LeadIn => "lead_in",
             Self::Path => "path",
+            Self::Blend => "blend",
             Self::LeadOut => "lead_out",
         }
     }

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use super::section::Section;
 use super::timing::differences;
 use crate::error::{Error, Result, check_finite, check_length};
+use crate::tolerance::{JOIN_POSITION, JOIN_VELOCITY};
 
 /// What kind of thing happened. Its words are the same in Rust, Python, files and messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -217,6 +218,66 @@ impl Trajectory {
             return Err(Error::Length { what: "section".into(), expected, actual });
         }
         Ok(Self { sections: Some(sections), ..self })
+    }
+
+    /// This motion and then another that begins where it ends: its last row is the first of the other, whose times follow.
+    ///
+    /// ```
+    /// use redundancy_core::path::Trajectory;
+    /// let part = |t: [f64; 2], q: [f64; 2]| {
+    ///     Trajectory::new(vec!["joint".into()], t.to_vec(), q.to_vec(), Some(vec![0.0; 2]), Vec::new())
+    /// };
+    /// let whole = part([0.0, 1.0], [0.0, 0.5])?.joined(&part([0.0, 2.0], [0.5, 0.0])?)?;
+    /// assert_eq!((whole.t(), whole.q()), (&[0.0, 1.0, 3.0][..], &[0.0, 0.5, 0.0][..]));
+    /// # Ok::<(), redundancy_core::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Other joints; positions or velocities that differ where the two meet: joint and both values.
+    pub fn joined(&self, other: &Self) -> Result<Self> {
+        let n = self.dof();
+        if self.joint_names != other.joint_names {
+            let message = format!(
+                "the joints of the two motions differ: {} and {}",
+                self.joint_names.join(", "),
+                other.joint_names.join(", ")
+            );
+            return Err(Error::Invalid(message));
+        }
+        let (Some(end), Some(start)) = (self.t.last(), other.t.first()) else {
+            return Ok(if self.t.is_empty() { other.clone() } else { self.clone() });
+        };
+        let meet = |what: &str, own: &[f64], its: &[f64], tolerance: f64| -> Result<()> {
+            let own = &own[own.len() - n..];
+            match (0..n).find(|j| (own[*j] - its[*j]).abs() > tolerance) {
+                None => Ok(()),
+                Some(j) => Err(Error::Invalid(format!(
+                    "the {what} of joint '{}' is {} at the end of the first motion and {} at the start of the second",
+                    self.joint_names[j], own[j], its[j]
+                ))),
+            }
+        };
+        meet("position", &self.q, &other.q, JOIN_POSITION)?;
+        meet("velocity", &self.qd, &other.qd, JOIN_VELOCITY)?;
+        let (shift, rows) = (end - start, self.rows());
+        let both = |own: &[f64], its: &[f64]| [own, &its[n..]].concat();
+        let sections = |of: &Self| of.sections.clone().unwrap_or_else(|| vec![Section::Path; of.rows()]);
+        let events = other.events.iter().map(|event| Event {
+            index: event.index + rows - 1,
+            t: event.t + shift,
+            ..event.clone()
+        });
+        Ok(Self {
+            joint_names: self.joint_names.clone(),
+            t: self.t.iter().copied().chain(other.t[1..].iter().map(|t| t + shift)).collect(),
+            q: both(&self.q, &other.q),
+            qd: both(&self.qd, &other.qd),
+            // Accelerations only where both have them: else the interpolation of one of them would change.
+            qdd: self.qdd.as_ref().zip(other.qdd.as_ref()).map(|(own, its)| both(own, its)),
+            sections: (self.sections.is_some() || other.sections.is_some())
+                .then(|| [sections(self), sections(other)[1..].to_vec()].concat()),
+            events: self.events.iter().cloned().chain(events).collect(),
+        })
     }
 
     /// The joints' names, base to tip.

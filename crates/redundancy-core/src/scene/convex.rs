@@ -14,16 +14,28 @@
 use nalgebra::Vector3;
 
 #[cfg(not(feature = "mesh"))]
-use super::gilbert::search;
+use super::gilbert::{SearchMemory, search};
 #[cfg(feature = "mesh")]
-use super::gjk::search;
+use super::gjk::{SearchMemory, search};
 use super::support::{Convex, Sides, Verdict};
 use crate::tolerance::{CONVEX_GAP, CONVEX_TOUCH};
 
-#[cfg(not(feature = "mesh"))]
-pub(crate) use super::gilbert::Memory;
-#[cfg(feature = "mesh")]
-pub(crate) use super::gjk::Memory;
+/// Memory for [`distance`], and what is asked for.
+#[derive(Debug)]
+pub(crate) struct Memory {
+    search: SearchMemory,
+    /// The direction in which the last pair was apart, in coordinates of its first core; zero without any. Where a caller puts
+    /// back what it was for the same pair, it often proves at once that they are far from each other again.
+    pub direction: Vector3<f64>,
+    /// Depths need not be known: contact alone counts, and any distance <= 0 stands for it.
+    pub contact_only: bool,
+}
+
+impl Memory {
+    pub fn new() -> Self {
+        Self { search: SearchMemory::new(), direction: Vector3::zeros(), contact_only: false }
+    }
+}
 
 /// Signed distance of two cores.
 #[derive(Debug, Clone, Copy)]
@@ -48,10 +60,15 @@ pub(crate) enum Answer {
 /// Distance of two cores, exactly where it is below `upto`.
 pub(crate) fn distance(a: &Convex<'_>, b: &Convex<'_>, upto: f64, memory: &mut Memory) -> Answer {
     let sides = Sides::new(a, b);
-    let found = match search(&sides, upto, memory) {
+    if upto.is_finite() && memory.direction != Vector3::zeros() && sides.gap(&memory.direction).0 >= upto {
+        return Answer::Beyond;
+    }
+    let depths = (!memory.contact_only).then_some(&mut memory.search);
+    let found = match search(&sides, upto, depths) {
         Verdict::Apart(p, q, n) => apart(&sides, [p, q], &n),
         Verdict::Beyond(n) => {
             let (least, on_first, on_second) = sides.gap(&n);
+            memory.direction = n;
             if least >= upto {
                 return Answer::Beyond;
             }
@@ -61,8 +78,10 @@ pub(crate) fn distance(a: &Convex<'_>, b: &Convex<'_>, upto: f64, memory: &mut M
                 inside(&sides, None)
             }
         }
+        Verdict::Inside(None) if memory.contact_only => along_middle(&sides),
         Verdict::Inside(found) => inside(&sides, found),
     };
+    memory.direction = found.normal;
     Answer::Found(Separation {
         distance: found.distance,
         on_first: a.rotation * found.on_first + a.origin,
@@ -85,6 +104,13 @@ fn apart(sides: &Sides<'_>, [p, q]: [Vector3<f64>; 2], n: &Vector3<f64>) -> Sepa
     } else {
         inside(sides, Some((p, q, normal)))
     }
+}
+
+/// What the direction between two points inside proves: at most the distance.
+fn along_middle(sides: &Sides<'_>) -> Separation {
+    let n = sides.middle.try_normalize(0.0).unwrap_or_else(Vector3::x);
+    let (distance, on_first, on_second) = sides.gap(&n);
+    Separation { distance, on_first, on_second, normal: n }
 }
 
 /// Distance of cores that overlap, touch, or that could not be told: the direction with the largest gap.

@@ -11,16 +11,16 @@ const ROUNDS: usize = 200;
 
 /// Nothing is kept.
 #[derive(Debug, Default)]
-pub(crate) struct Memory;
+pub(crate) struct SearchMemory;
 
-impl Memory {
+impl SearchMemory {
     pub fn new() -> Self {
         Self
     }
 }
 
 /// Looks for a direction in which the two are apart.
-pub(crate) fn search(sides: &Sides<'_>, upto: f64, _: &mut Memory) -> Verdict {
+pub(crate) fn search(sides: &Sides<'_>, upto: f64, _: Option<&mut SearchMemory>) -> Verdict {
     let mut between = sides.middle;
     let mut best = (f64::NEG_INFINITY, Vector3::x());
     for _ in 0..ROUNDS {

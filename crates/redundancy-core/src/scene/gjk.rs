@@ -15,11 +15,11 @@ const SCALE: f64 = 1e3;
 
 /// Memory of the library, kept from one pair to the next.
 #[derive(Default)]
-pub(crate) struct Memory {
+pub(crate) struct SearchMemory {
     epa: EPA,
 }
 
-impl Memory {
+impl SearchMemory {
     /// Memory that has seen a hard case: later ones need no more.
     pub fn new() -> Self {
         let mut memory = Self::default();
@@ -27,14 +27,14 @@ impl Memory {
         let turned = nalgebra::Rotation3::from_euler_angles(0.4, 0.7, 0.1).into_inner();
         let second = Convex { core: &core, rotation: turned, origin: Vector3::new(0.3, 0.2, 0.1) };
         let first = Convex { core: &core, rotation: Matrix3::identity(), origin: Vector3::zeros() };
-        search(&Sides::new(&first, &second), f64::INFINITY, &mut memory);
+        search(&Sides::new(&first, &second), f64::INFINITY, Some(&mut memory));
         memory
     }
 }
 
-impl std::fmt::Debug for Memory {
+impl std::fmt::Debug for SearchMemory {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Memory")
+        f.write_str("SearchMemory")
     }
 }
 
@@ -71,8 +71,8 @@ impl SupportMap for Second<'_> {
     }
 }
 
-/// Looks for the nearest points, or for the deepest ones.
-pub(crate) fn search(sides: &Sides<'_>, upto: f64, memory: &mut Memory) -> Verdict {
+/// Looks for the nearest points, or with memory for the deepest ones.
+pub(crate) fn search(sides: &Sides<'_>, upto: f64, memory: Option<&mut SearchMemory>) -> Verdict {
     let (first, second) = (First(sides), Second(sides));
     let begin = if sides.middle.norm_squared() > 0.0 { sides.middle } else { Vector3::x() };
     let mut simplex = VoronoiSimplex::new();
@@ -86,11 +86,14 @@ pub(crate) fn search(sides: &Sides<'_>, upto: f64, memory: &mut Memory) -> Verdi
         GJKResult::NoIntersection(n) | GJKResult::Proximity(n) => {
             Verdict::Beyond(Vector3::new(n.x, n.y, n.z))
         }
-        GJKResult::Intersection => deepest(sides, &simplex, memory),
+        GJKResult::Intersection => match memory {
+            Some(memory) => deepest(sides, &simplex, memory),
+            None => Verdict::Inside(None),
+        },
     }
 }
 
-fn deepest(sides: &Sides<'_>, simplex: &VoronoiSimplex, memory: &mut Memory) -> Verdict {
+fn deepest(sides: &Sides<'_>, simplex: &VoronoiSimplex, memory: &mut SearchMemory) -> Verdict {
     let found = memory.epa.closest_points(&Pose::IDENTITY, &First(sides), &Second(sides), simplex);
     Verdict::Inside(found.map(|(p, q, n)| (from_library(p), from_library(q), Vector3::new(n.x, n.y, n.z))))
 }

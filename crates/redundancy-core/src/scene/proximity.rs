@@ -82,12 +82,15 @@ pub struct ProximityMemory {
     pub(super) rods: Vec<Rod>,
     /// Bodies that their joint draws out, in the world.
     pub(super) drawn: Vec<Option<Solid>>,
+    /// For each pair the direction in which it was last apart, see [`Memory::direction`]. A direction of another arm or
+    /// scene is no less valid, it only succeeds less often.
+    pub(super) directions: Vec<Vector3<f64>>,
 }
 
 impl ProximityMemory {
     /// Memory for any arm and scene.
     pub fn new() -> Self {
-        Self { convex: Memory::new(), rods: Vec::new(), drawn: Vec::new() }
+        Self { convex: Memory::new(), rods: Vec::new(), drawn: Vec::new(), directions: Vec::new() }
     }
 }
 
@@ -104,6 +107,11 @@ pub trait Visitor {
 
     /// A pair that is nearer; `false` ends the scan.
     fn found(&mut self, contact: &Contact<'_>) -> bool;
+
+    /// Whether of pairs in contact nothing but that counts: their distance is then some number <= 0, at most the true one.
+    fn contact_only(&self) -> bool {
+        false
+    }
 }
 
 /// Everything that an arm keeps a distance from.
@@ -148,6 +156,9 @@ pub trait Proximity: Send + Sync + std::fmt::Debug {
             }
             fn found(&mut self, _: &Contact<'_>) -> bool {
                 false
+            }
+            fn contact_only(&self) -> bool {
+                self.0 >= 0.0
             }
         }
         self.scan(kinematics, t, memory, &mut Any(by))

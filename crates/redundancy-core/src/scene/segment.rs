@@ -33,6 +33,7 @@ pub(crate) fn to_solids(
     let segment = Solid::capsule(start, end, 0.0);
     let (world, place) = (Placement::world(), Placement { origin: *shift, ..Placement::world() });
     let mut best: Option<Nearest> = None;
+    memory.contact_only = false;
     for solid in solids {
         let upto = best.as_ref().map_or(f64::INFINITY, |best| best.distance);
         let Some(gap) = gap((&segment, &world), (solid, &place), upto, memory) else { continue };
@@ -116,9 +117,24 @@ impl SegmentObstacles {
     }
 }
 
+/// Whether the distance of a segment from a solid has a closed form.
+#[inline(always)]
+pub(super) fn has_closed_form(solid: &Solid) -> bool {
+    match &solid.form {
+        Form::Convex(Core::Point | Core::Segment(_)) => true,
+        Form::Convex(Core::Box(_)) => solid.radius == 0.0,
+        _ => false,
+    }
+}
+
 /// Distance of a segment from a solid that is shifted.
 #[inline(always)]
-fn to_solid(start: &Vector3<f64>, end: &Vector3<f64>, solid: &Solid, shift: &Vector3<f64>) -> Nearest {
+pub(super) fn to_solid(
+    start: &Vector3<f64>,
+    end: &Vector3<f64>,
+    solid: &Solid,
+    shift: &Vector3<f64>,
+) -> Nearest {
     let origin = solid.origin + shift;
     match &solid.form {
         Form::Convex(Core::Point) => to_sphere(start, end, &Sphere { center: origin, radius: solid.radius }),

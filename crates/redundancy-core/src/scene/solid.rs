@@ -48,10 +48,12 @@ impl Solid {
     pub fn convex(core: Core, pose: &Pose, radius: f64) -> Self {
         let (mut corners, around) = core.corners();
         place(&mut corners, pose);
-        // The ends of a cylinder are discs: the ball goes through their rims, the capsule has half a ball on each.
-        let (ball, rod) = if around > 0.0 {
-            let rod = Rod { start: corners[0], end: corners[1], radius: around };
-            ((pose.translation.vector, (0.5 * (corners[1] - corners[0]).norm()).hypot(around)), rod)
+        // The ends of a cylinder are discs: the ball goes through their rims, the capsule has half a ball on each. Around a
+        // sphere or a capsule the capsule is itself, see `Body::is_capsule`.
+        let (ball, rod) = if around > 0.0 || matches!(core, Core::Point | Core::Segment(_)) {
+            let (start, end) = (corners[0], corners[corners.len() - 1]);
+            let rod = Rod { start, end, radius: around };
+            ((pose.translation.vector, (0.5 * (end - start).norm()).hypot(around)), rod)
         } else {
             (ball(&corners), rod(&corners))
         };

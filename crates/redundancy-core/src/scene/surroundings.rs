@@ -7,10 +7,13 @@ use nalgebra::Vector3;
 
 use super::body::Body;
 use super::convex::Memory;
+use super::distance::to_capsule;
 use super::geometry::LinkGeometry;
-use super::narrow::{Gap, Placement, gap, rods_apart};
+use super::narrow::{Gap, Placement, from_nearest, gap, rods_apart};
+use super::obstacle::Capsule;
 use super::proximity::{Contact, Proof, Proximity, ProximityMemory, Thing, Visitor};
 use super::scene::Scene;
+use super::segment::{has_closed_form, to_solid};
 use super::solid::{Rod, Solid};
 use crate::chain::Chain;
 use crate::error::{Error, Result};
@@ -140,6 +143,31 @@ impl Surroundings {
             }
         }
         reach
+    }
+
+    /// How many joints move a link or an obstacle: none where it stands in the world or has no shape.
+    pub(crate) fn joints_before(&self, thing: Thing) -> usize {
+        let body = self.inner.of(thing).next();
+        body.map_or(0, |body| self.inner.bodies[body].joints_before)
+    }
+
+    /// For each number of joints the largest of `of` over the bodies that so many joints move, which must be a convex function
+    /// that no metre of way changes by more than a metre. Of what is beyond the last number that of the last.
+    pub(crate) fn furthest(
+        &self,
+        kinematics: &Kinematics<'_>,
+        out: &mut [f64],
+        of: impl Fn(usize, &Vector3<f64>) -> f64,
+    ) {
+        let last = out.len().saturating_sub(1);
+        for body in &self.inner.bodies {
+            let group = body.joints_before.min(last);
+            let rod = body.rod(kinematics);
+            let here = of(group, &rod.start).max(of(group, &rod.end)) + rod.radius;
+            if let Some(most) = out.get_mut(group) {
+                *most = most.max(here);
+            }
+        }
     }
 
     /// Only the pairs for which `keep` is true.
@@ -276,6 +304,15 @@ impl Inner {
         }
     }
 
+    /// One direction for each pair, in the order of a scan.
+    fn directions<'m>(&self, memory: &'m mut Vec<Vector3<f64>>) -> &'m mut [Vector3<f64>] {
+        let count = self.pairs.len() + self.beside.iter().map(Vec::len).sum::<usize>();
+        if memory.len() < count {
+            memory.resize(count, Vector3::zeros());
+        }
+        &mut memory[..count]
+    }
+
     /// A body and its frame.
     #[inline(always)]
     fn placed<'a>(
@@ -298,14 +335,20 @@ impl Inner {
         kinematics: &Kinematics<'_>,
         upto: f64,
         (rods, drawn): (&[Rod], &[Option<Solid>]),
-        memory: &mut Memory,
+        memory: PairMemory<'_>,
     ) -> Option<Gap> {
         let (a, b) = (a as usize, b as usize);
+        if self.bodies[a].is_capsule() && self.bodies[b].is_capsule() {
+            // The capsules around them are themselves.
+            let Rod { start, end, radius } = rods[b];
+            let near = to_capsule(&rods[a].start, &rods[a].end, &Capsule { start, end, radius });
+            return Some(from_nearest(&near, rods[a].radius)).filter(|gap| gap.distance < upto);
+        }
         if rods_apart(&rods[a], &rods[b]) >= upto {
             return None;
         }
         let (first, second) = (self.placed(a, kinematics, drawn), self.placed(b, kinematics, drawn));
-        gap((first.0, &first.1), (second.0, &second.1), upto, memory).filter(|gap| gap.distance < upto)
+        near((first.0, &first.1), (second.0, &second.1), upto, memory)
     }
 
     /// How near a body is to a shape of the world, below `upto`.
@@ -317,7 +360,7 @@ impl Inner {
         (kinematics, t): (&Kinematics<'_>, f64),
         upto: f64,
         (rods, drawn): (&[Rod], &[Option<Solid>]),
-        memory: &mut Memory,
+        memory: PairMemory<'_>,
     ) -> Option<Gap> {
         let rod = &rods[a];
         let shift = world.velocity * t;
@@ -327,13 +370,37 @@ impl Inner {
         if far < 0.0 || apart.norm_squared() >= far * far {
             return None;
         }
+        let round = self.bodies[a].is_capsule();
+        if round && has_closed_form(&world.solid) {
+            let near = to_solid(&rod.start, &rod.end, &world.solid, &shift);
+            return Some(from_nearest(&near, rod.radius)).filter(|gap| gap.distance < upto);
+        }
         let place = Placement { origin: shift, ..Placement::world() };
-        if !self.bodies[a].is_capsule() && rods_apart(rod, &place.rod(&world.solid.rod)) >= upto {
+        if !round && rods_apart(rod, &place.rod(&world.solid.rod)) >= upto {
             return None;
         }
         let (solid, frame) = self.placed(a, kinematics, drawn);
-        gap((solid, &frame), (&world.solid, &place), upto, memory).filter(|gap| gap.distance < upto)
+        near((solid, &frame), (&world.solid, &place), upto, memory)
     }
+}
+
+/// Memory for a pair, and the direction in which it was apart before.
+type PairMemory<'a> = (&'a mut Memory, Option<&'a mut Vector3<f64>>);
+
+/// How near two solids are, below `upto`.
+#[inline]
+fn near(
+    a: (&Solid, &Placement),
+    b: (&Solid, &Placement),
+    upto: f64,
+    (memory, shown): PairMemory<'_>,
+) -> Option<Gap> {
+    memory.direction = shown.as_deref().copied().unwrap_or_default();
+    let found = gap(a, b, upto, memory).filter(|gap| gap.distance < upto);
+    if let Some(shown) = shown {
+        *shown = memory.direction;
+    }
+    found
 }
 
 impl Proximity for Surroundings {
@@ -367,15 +434,18 @@ impl Proximity for Surroundings {
         visitor: &mut dyn Visitor,
     ) -> bool {
         let inner = &*self.inner;
-        let ProximityMemory { convex, rods, drawn } = memory;
+        let ProximityMemory { convex, rods, drawn, directions } = memory;
         rods.clear();
         drawn.clear();
         inner.prepare(kinematics, rods, drawn);
+        convex.contact_only = visitor.contact_only();
+        let mut directions = inner.directions(directions).iter_mut();
         for pair in &inner.pairs {
             let [a, b] = pair.map(|i| i as usize);
             let (first, second) = (inner.things[a], inner.things[b]);
             let limit = visitor.limit(first, second);
-            if let Some(gap) = inner.between(*pair, kinematics, limit, (rods, drawn), convex) {
+            let shown = directions.next();
+            if let Some(gap) = inner.between(*pair, kinematics, limit, (rods, drawn), (convex, shown)) {
                 let bodies = (&inner.bodies[a], Some(&inner.bodies[b]));
                 if !visitor.found(&Contact::new(first, second, gap, bodies, Vector3::zeros())) {
                     return false;
@@ -387,7 +457,8 @@ impl Proximity for Surroundings {
                 let world = &inner.solids[*solid as usize];
                 let second = Thing::Obstacle(world.obstacle);
                 let limit = visitor.limit(*first, second);
-                if let Some(gap) = inner.beside(a, world, (kinematics, t), limit, (rods, drawn), convex) {
+                let memory = (&mut *convex, directions.next());
+                if let Some(gap) = inner.beside(a, world, (kinematics, t), limit, (rods, drawn), memory) {
                     let bodies = (&inner.bodies[a], None);
                     if !visitor.found(&Contact::new(*first, second, gap, bodies, world.velocity)) {
                         return false;
@@ -406,9 +477,12 @@ impl Proximity for Surroundings {
         memory: &mut ProximityMemory,
     ) -> Proof {
         let inner = &*self.inner;
-        let ProximityMemory { convex, rods, drawn } = memory;
+        let ProximityMemory { convex, rods, drawn, directions } = memory;
         rods.clear();
         drawn.clear();
+        // What is nearer than `by` is a hit, however deep.
+        convex.contact_only = by >= 0.0;
+        let mut directions = inner.directions(directions).iter_mut();
         inner.prepare(ends[0].0, rods, drawn);
         let n = rods.len();
         inner.prepare(ends[1].0, rods, drawn);
@@ -421,8 +495,10 @@ impl Proximity for Surroundings {
             let (body, shared) = (&inner.bodies[a], inner.bodies[b].joints_before);
             let travel: f64 = (shared..body.joints_before).map(|j| body.reach[j] * steps[j]).sum();
             let things = (inner.things[a], inner.things[b]);
+            let mut shown = directions.next();
             let mut at = |end: usize, upto: f64| {
-                inner.between(*pair, ends[end].0, upto, memories[end], convex).map(|gap| gap.distance)
+                let memory = (&mut *convex, shown.as_deref_mut());
+                inner.between(*pair, ends[end].0, upto, memories[end], memory).map(|gap| gap.distance)
             };
             match proof(travel, by, &mut at) {
                 Step::Clear => {}
@@ -437,8 +513,10 @@ impl Proximity for Surroundings {
                 let world = &inner.solids[*solid as usize];
                 let travel = turned + world.velocity.norm() * (ends[1].1 - ends[0].1).abs();
                 let things = (*first, Thing::Obstacle(world.obstacle));
+                let mut shown = directions.next();
                 let mut at = |end: usize, upto: f64| {
-                    inner.beside(a, world, ends[end], upto, memories[end], convex).map(|gap| gap.distance)
+                    let memory = (&mut *convex, shown.as_deref_mut());
+                    inner.beside(a, world, ends[end], upto, memories[end], memory).map(|gap| gap.distance)
                 };
                 match proof(travel, by, &mut at) {
                     Step::Clear => {}

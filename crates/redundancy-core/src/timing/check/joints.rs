@@ -180,6 +180,19 @@ pub(super) fn wound_up(chain: &Chain, trajectory: &Trajectory) -> Vec<Spot> {
         .collect()
 }
 
+/// Whether the velocities are differences of the positions: a file whose times are rounded has them nearly.
+fn are_differences(trajectory: &Trajectory, time_rounding: f64) -> bool {
+    let (n, t) = (trajectory.dof(), trajectory.t());
+    let least = t.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+    let share = SAME_DIFFERENCE + 2.0 * time_rounding / least;
+    let mut pairs = trajectory.qd().iter().zip(differences(t, trajectory.q(), n));
+    let most = trajectory.qd().iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    pairs.all(|(given, computed)| (given - computed).abs() <= share * most)
+}
+
+/// Rounding of a difference, as a share of the largest velocity.
+const SAME_DIFFERENCE: f64 = 1e-9;
+
 /// First and last row at rest.
 pub(super) fn rest(chain: &Chain, trajectory: &Trajectory, settings: &CheckSettings) -> Vec<Spot> {
     let rows = trajectory.rows();
@@ -188,7 +201,7 @@ pub(super) fn rest(chain: &Chain, trajectory: &Trajectory, settings: &CheckSetti
     }
     let (n, t) = (trajectory.dof(), trajectory.t());
     // Velocities that are only differences of positions are those half an interval away.
-    let only_differences = rows > 1 && differences(t, trajectory.q(), n) == trajectory.qd();
+    let only_differences = rows > 1 && are_differences(trajectory, settings.time_rounding);
     let limit = |limits: &Option<Vec<f64>>, j: usize| limits.as_ref().map_or(f64::INFINITY, |l| l[j]);
     let mut out = Vec::new();
     for row in if rows == 1 { vec![0] } else { vec![0, rows - 1] } {
@@ -211,14 +224,29 @@ pub(super) fn rest(chain: &Chain, trajectory: &Trajectory, settings: &CheckSetti
             if speed.abs() > CHECK_REST + slack {
                 add(speed, CHECK_REST, 0, format!("moves at {speed:.6} {unit}/s"));
             }
-            let bound = CHECK_REST + limit(&settings.jerk_limits, j) * settings.time_rounding.sqrt();
-            if let (Some(qdd), Some(_)) = (trajectory.qdd(), &settings.jerk_limits)
-                && qdd[row * n + j].abs() > bound
-            {
-                let value = qdd[row * n + j];
-                add(value, bound, 1, format!("accelerates at {value:.6} {unit}/s^2"));
+            // A file without accelerations has those of its interpolation, so that every format says the same: within the
+            // interval at the end the jerk limit may have made them.
+            let bound = CHECK_REST + limit(&settings.jerk_limits, j) * h.max(settings.time_rounding.sqrt());
+            let value = acceleration_at_end(trajectory, row, j);
+            if settings.jerk_limits.is_some() && value.abs() > bound {
+                let source =
+                    if trajectory.qdd().is_some() { "" } else { " (by its positions and velocities)" };
+                add(value, bound, 1, format!("accelerates at {value:.6} {unit}/s^2{source}"));
             }
         }
     }
     out
+}
+
+/// Acceleration of joint `j` at the first or the last row.
+fn acceleration_at_end(trajectory: &Trajectory, row: usize, j: usize) -> f64 {
+    if let Some(qdd) = trajectory.qdd() {
+        return qdd[row * trajectory.dof() + j];
+    }
+    if trajectory.rows() < 2 {
+        return 0.0;
+    }
+    let (k, u) = if row == 0 { (0, 0.0) } else { (row - 1, 1.0) };
+    let h = trajectory.t()[k + 1] - trajectory.t()[k];
+    super::interval::value(&derivative(&derivative(&position(trajectory, k, j), h), h), u)
 }

@@ -1,7 +1,8 @@
 //! Whether the tool follows its path.
 //!
 //! With one row per point of the path each row is compared with its point. Other motions are followed along the path: each
-//! row belongs to the nearest place of the path that the tool can have reached since the row before.
+//! row belongs to the nearest place of the path that the tool can have reached since the row before. Behind a curve that
+//! replaces a corner it belongs to the first place ahead at which it is on the path: the curve is shorter than the path.
 
 use super::finding::FindingKind;
 use super::settings::CheckSettings;
@@ -35,7 +36,10 @@ pub(super) fn deviations(
         let target = if one_each {
             path.poses()[i]
         } else {
-            along.nearest(pose, i.checked_sub(1).map(|i| &poses[i]))?
+            match i.checked_sub(1) {
+                Some(last) if rows[last] + 1 < *row => along.resumed(pose, settings.position_tolerance)?,
+                last => along.nearest(pose, last.map(|last| &poses[last]))?,
+            }
         };
         compare(trajectory, path, settings, *row, pose, &target, &mut out);
     }
@@ -113,6 +117,38 @@ impl<'a> Along<'a> {
         let away =
             |i: usize| (self.path.poses()[i].translation.vector - pose.translation.vector).norm_squared();
         let best = (first..=end).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap_or(first);
+        self.refined(best, pose)
+    }
+
+    /// The pose of the first place ahead that is within `tolerance` (m) of `pose`, or the nearest one ahead.
+    fn resumed(&mut self, pose: &Pose, tolerance: f64) -> Result<Pose> {
+        let (poses, last) = (self.path.poses(), self.path.len() - 1);
+        let away = |i: usize| (poses[i].translation.vector - pose.translation.vector).norm_squared();
+        let first = self.path.s().partition_point(|at| *at <= self.s).saturating_sub(1);
+        let (from, mut nearest) = (self.s, None::<(f64, f64)>);
+        for i in first..=last {
+            let falls = i > first && away(i - 1) < away(i);
+            if falls || (i < last && away(i + 1) < away(i)) {
+                continue;
+            }
+            self.s = from;
+            let place = self.refined(i, pose)?;
+            let distance = (place.translation.vector - pose.translation.vector).norm();
+            if distance <= tolerance {
+                return Ok(place);
+            }
+            if nearest.is_none_or(|(least, _)| distance < least) {
+                nearest = Some((distance, self.s));
+            }
+        }
+        self.s = nearest.map_or(from, |(_, s)| s);
+        Ok(self.path.at(self.s)?.pose)
+    }
+
+    /// The pose of the place nearest to `pose` within a sample's neighbours, not behind the place before.
+    fn refined(&mut self, best: usize, pose: &Pose) -> Result<Pose> {
+        let s = self.path.s();
+        let last = s.len() - 1;
         let (mut low, mut high) =
             (s[best.saturating_sub(1)].max(self.s), s[(best + 1).min(last)].max(self.s));
         let square = |s: f64| -> Result<f64> {

@@ -16,7 +16,9 @@
 //! Dividing by `sqrt(x)` leaves `|q''' x + 3/2 q'' x' + q' x'' / 2| <= J / sqrt(x)`: linear on the left, convex on the
 //! right. A logarithmic barrier with Newton steps that leave out the curvature of the right-hand sides: each step is that
 //! of a convex problem whose feasible set lies within the true one [BoydVandenberghe2004, section 11.3], so every iterate
-//! is feasible. Three coefficients meet in an interval, so a step costs `O(nodes)`.
+//! is feasible. Three coefficients meet in an interval, so a step costs `O(nodes)`; joints are taken four at a time.
+
+use wide::f64x4;
 
 use super::settings::RetimeSettings;
 use super::stretch::{NodeLimits, Stretch};
@@ -153,12 +155,149 @@ pub(super) struct JerkLaw {
     pub qdd: Vec<f64>,
 }
 
+/// What accelerations and jerks take of their limits, four joints at a time; zeros beyond the last joint and without a
+/// limit.
+struct Lanes {
+    /// Groups of four joints.
+    groups: usize,
+    /// `q'' / A` and `q' / (2 A)` by node.
+    acceleration: Vec<[f64x4; 2]>,
+    /// The third derivative, `3/2 q''` and `q' / 2` over the jerk limit at both ends of each interval.
+    jerk: Vec<[f64x4; 3]>,
+    /// 1 for joints with a jerk limit.
+    limited: Vec<f64x4>,
+}
+
+impl Lanes {
+    /// With one over the limits by node and joint.
+    fn new(nodes: &Nodes, acceleration: &[f64], jerk: &[f64]) -> Self {
+        let (n, last) = (nodes.n, nodes.h.len());
+        let groups = n.div_ceil(4);
+        let four = |group: usize, of: &dyn Fn(usize) -> f64| {
+            f64x4::from(std::array::from_fn::<f64, 4, _>(|lane| {
+                let j = 4 * group + lane;
+                if j < n { of(j) } else { 0.0 }
+            }))
+        };
+        let mut out = Self {
+            groups,
+            acceleration: Vec::with_capacity((last + 1) * groups),
+            jerk: Vec::with_capacity(2 * last * groups),
+            limited: (0..groups).map(|g| four(g, &|j| f64::from(u8::from(jerk[j] > 0.0)))).collect(),
+        };
+        for node in (0..=last).map(|k| k * n) {
+            for group in 0..groups {
+                let at = |of: &[f64], factor: f64| {
+                    four(group, &|j| of[node + j] * factor * acceleration[node + j])
+                };
+                out.acceleration.push([at(&nodes.second, 1.0), at(&nodes.first, 0.5)]);
+            }
+        }
+        for (k, ends) in nodes.third.iter().enumerate() {
+            for (end, third) in ends.iter().enumerate() {
+                let node = (k + end) * n;
+                let [second, first] = [&nodes.second, &nodes.first].map(|v| &v[node..node + n]);
+                for group in 0..groups {
+                    let at = |of: &[f64], factor: f64| four(group, &|j| of[j] * factor * jerk[node + j]);
+                    out.jerk.push([at(third, 1.0), at(second, 1.5), at(first, 0.5)]);
+                }
+            }
+        }
+        out
+    }
+
+    /// Product of the slacks of the accelerations at node `k`, `None` outside; adds the derivatives of its negative
+    /// logarithm.
+    #[inline]
+    fn accelerations(
+        &self,
+        k: usize,
+        [x, dx]: [f64; 2],
+        derivatives: Option<(&mut [f64; 2], &mut [f64; 3])>,
+    ) -> Option<f64> {
+        let (one, [x, dx]) = (f64x4::ONE, [x, dx].map(f64x4::splat));
+        let (mut product, mut least) = (one, one);
+        let (mut first, mut second) = ([f64x4::ZERO; 2], [f64x4::ZERO; 3]);
+        for [b, a] in self.acceleration[k * self.groups..][..self.groups].iter().copied() {
+            let value = b * x + a * dx;
+            let (up, down) = (one - value, one + value);
+            least = least.min(up.min(down));
+            product *= up * down;
+            if derivatives.is_some() {
+                let (up, down) = (one / up, one / down);
+                let (slope, bend) = (up - down, up * up + down * down);
+                first[0] += slope * b;
+                first[1] += slope * a;
+                second[0] += bend * b * b;
+                second[1] += bend * b * a;
+                second[2] += bend * a * a;
+            }
+        }
+        if let Some((g, s)) = derivatives {
+            g.iter_mut().zip(first).for_each(|(g, v)| *g += v.reduce_add());
+            s.iter_mut().zip(second).for_each(|(s, v)| *s += v.reduce_add());
+        }
+        inside(least, product)
+    }
+
+    /// The same for the jerks at one end of interval `k`. The bound falls with x, and so does its logarithm.
+    #[inline]
+    fn jerks(
+        &self,
+        (k, end): (usize, usize),
+        [x, dx, bend]: [f64; 3],
+        derivatives: Option<(&mut [f64; 3], &mut [f64; 6])>,
+    ) -> Option<f64> {
+        let (one, scale, falls) = (f64x4::ONE, f64x4::splat(x.sqrt()), f64x4::splat(0.5 / x));
+        let [x, dx, bend] = [x, dx, bend].map(f64x4::splat);
+        let (mut product, mut least) = (one, one);
+        let (mut first, mut second) = ([f64x4::ZERO; 3], [f64x4::ZERO; 6]);
+        let rows = &self.jerk[(2 * k + end) * self.groups..][..self.groups];
+        for (row, limited) in rows.iter().zip(&self.limited) {
+            // Everything in units of the bound J / sqrt(x).
+            let [a, b, e] = row.map(|v| v * scale);
+            let value = a * x + b * dx + e * bend;
+            let (up, down) = (one - value, one + value);
+            least = least.min(up.min(down));
+            product *= up * down;
+            if derivatives.is_some() {
+                let falls = falls * *limited;
+                let (up, down) = (one / up, one / down);
+                for w in [[(falls + a) * up, b * up, e * up], [(falls - a) * down, -b * down, -e * down]] {
+                    first.iter_mut().zip(w).for_each(|(g, w)| *g += w);
+                    second[0] += w[0] * w[0];
+                    second[1] += w[0] * w[1];
+                    second[2] += w[0] * w[2];
+                    second[3] += w[1] * w[1];
+                    second[4] += w[1] * w[2];
+                    second[5] += w[2] * w[2];
+                }
+            }
+        }
+        if let Some((g, s)) = derivatives {
+            g.iter_mut().zip(first).for_each(|(g, v)| *g += v.reduce_add());
+            s.iter_mut().zip(second).for_each(|(s, v)| *s += v.reduce_add());
+        }
+        inside(least, product)
+    }
+}
+
+/// The product of all slacks where the least one is positive.
+#[inline]
+fn inside(least: f64x4, product: f64x4) -> Option<f64> {
+    let positive = least.to_array().iter().all(|slack| *slack > 0.0);
+    positive.then(|| product.to_array().iter().product())
+}
+
 /// The barrier problem over one stretch.
 struct Barrier<'a> {
     nodes: &'a Nodes,
-    /// Acceleration limits by node and joint (times the share), jerk limits likewise.
+    /// One over the acceleration limits by node and joint (times the share), 0 without one; jerk limits likewise.
     acceleration: Vec<f64>,
     jerk: Vec<f64>,
+    lanes: Lanes,
+    /// Number of joints with a jerk limit.
+    jerks: f64,
     /// `[low, high]` torque left for the motion.
     torque: Vec<[f64; 2]>,
     most: Vec<f64>,
@@ -208,7 +347,7 @@ impl<'a> Barrier<'a> {
         let each = |limit: &[f64], power: f64| -> Vec<f64> {
             (0..=last)
                 .flat_map(|k| (0..n).map(move |j| (k, j)))
-                .map(|(k, j)| limit[j] * share[k].powf(power))
+                .map(|(k, j)| 1.0 / (limit[j] * share[k].powf(power)))
                 .collect()
         };
         let torque = match &settings.torque_limits {
@@ -217,10 +356,13 @@ impl<'a> Barrier<'a> {
                 .map(|i| [-1.0, 1.0].map(|sign| (sign * most[i % n] - limits.gravity[i]) * share[i / n]))
                 .collect(),
         };
+        let (acceleration, sudden) = (each(&settings.acceleration_limits, 1.0), each(jerk, 1.5));
         let mut out = Self {
             nodes,
-            acceleration: each(&settings.acceleration_limits, 1.0),
-            jerk: each(jerk, 1.5),
+            lanes: Lanes::new(nodes, &acceleration, &sudden),
+            acceleration,
+            jerk: sudden,
+            jerks: jerk.iter().filter(|limit| limit.is_finite()).count() as f64,
             torque,
             most: nodes.most.iter().zip(share).map(|(most, share)| most * share).collect(),
             value,
@@ -228,10 +370,10 @@ impl<'a> Barrier<'a> {
             constraints: 0.0,
             free: [if rest[0] { 2 } else { 0 }, if rest[1] { last - 1 } else { last + 1 }],
         };
-        let finite = |v: &[f64]| v.iter().filter(|v| v.is_finite()).count();
-        out.constraints = (finite(&out.most)
-            + 2 * finite(&out.acceleration)
-            + 4 * finite(&out.jerk)
+        let limits = |v: &[f64]| v.iter().filter(|v| **v > 0.0).count();
+        out.constraints = (out.most.iter().filter(|v| v.is_finite()).count()
+            + 2 * limits(&out.acceleration)
+            + 4 * limits(&out.jerk)
             + 2 * out.torque.iter().filter(|t| t[1].is_finite()).count()) as f64;
         out
     }
@@ -248,7 +390,7 @@ impl<'a> Barrier<'a> {
         for (k, bound) in self.most.iter().enumerate() {
             most = most.min(*bound);
             for i in k * n..(k + 1) * n {
-                most = most.min(self.acceleration[i] / self.nodes.second[i].abs());
+                most = most.min(1.0 / (self.acceleration[i] * self.nodes.second[i].abs()));
                 if let Some([low, high]) = self.torque.get(i) {
                     let d = self.nodes.dynamic[i];
                     most = most.min(if d > 0.0 { high / d } else { low / d });
@@ -258,7 +400,8 @@ impl<'a> Barrier<'a> {
         for (k, ends) in self.nodes.third.iter().enumerate() {
             for (end, third) in ends.iter().enumerate() {
                 for j in 0..n {
-                    most = most.min((self.jerk[(k + end) * n + j] / third[j].abs()).powf(2.0 / 3.0));
+                    let share = self.jerk[(k + end) * n + j] * third[j].abs();
+                    most = most.min(share.powf(-2.0 / 3.0));
                 }
             }
         }
@@ -269,6 +412,7 @@ impl<'a> Barrier<'a> {
     fn evaluate(&self, c: &[f64], mut quadratic: Option<(&mut Quadratic, f64)>) -> Option<[f64; 2]> {
         let (n, last) = (self.nodes.n, self.nodes.h.len());
         let (mut duration, mut barrier) = (0.0, 0.0);
+        let derivatives = quadratic.is_some();
         if let Some((q, _)) = &mut quadratic {
             q.gradient.iter_mut().for_each(|g| *g = 0.0);
             q.hessian.iter_mut().for_each(|h| *h = [0.0; 3]);
@@ -294,19 +438,10 @@ impl<'a> Barrier<'a> {
                 g[0] += 1.0 / slack;
                 s[0] += 1.0 / (slack * slack);
             }
-            let mut product = 1.0;
-            for i in k * n..(k + 1) * n {
-                let most = self.acceleration[i];
-                if most.is_finite() {
-                    let (b, a) = (self.nodes.second[i] / most, 0.5 * self.nodes.first[i] / most);
-                    let value = b * x + a * dx;
-                    let (up, down) = (1.0 - value, 1.0 + value);
-                    if up <= 0.0 || down <= 0.0 {
-                        return None;
-                    }
-                    product *= up * down;
-                    two_sided(&mut g, &mut s, [b, a], 1.0 / up, 1.0 / down);
-                }
+            let wanted = derivatives.then_some((&mut g, &mut s));
+            let mut product = self.lanes.accelerations(k, [x, dx], wanted)?;
+            let torques = if self.torque.is_empty() { 0..0 } else { k * n..(k + 1) * n };
+            for i in torques {
                 if let Some([low, high]) = self.torque.get(i)
                     && high.is_finite()
                 {
@@ -317,7 +452,9 @@ impl<'a> Barrier<'a> {
                         return None;
                     }
                     product *= up * down / (high * -low);
-                    two_sided(&mut g, &mut s, [b, a], 1.0 / up, 1.0 / down);
+                    if derivatives {
+                        two_sided(&mut g, &mut s, [b, a], 1.0 / up, 1.0 / down);
+                    }
                 }
             }
             barrier -= product.ln();
@@ -352,7 +489,7 @@ impl<'a> Barrier<'a> {
         k: usize,
         quadratic: &mut Option<(&mut Quadratic, f64)>,
     ) -> Option<[f64; 2]> {
-        let (n, h) = (self.nodes.n, self.nodes.h[k]);
+        let h = self.nodes.h[k];
         let ([x0, d0], [x1, d1]) = (self.at(c, k), self.at(c, k + 1));
         let bend = (d1 - d0) / h;
         let middle = 0.5 * (x0 + x1) - bend * h * h / 8.0;
@@ -364,37 +501,21 @@ impl<'a> Barrier<'a> {
         let slopes = [[d[0][0], d[0][1], 0.0], [0.0, d[1][0], d[1][1]]];
         let bends: [f64; 3] = std::array::from_fn(|i| (slopes[1][i] - slopes[0][i]) / h);
         let mut barrier = 0.0;
+        let derivatives = quadratic.is_some();
         let (mut gradient, mut hessian) = ([0.0; 3], [[0.0; 3]; 3]);
         for (end, (x, dx)) in [(x0, d0), (x1, d1)].into_iter().enumerate() {
-            let root = x.sqrt();
-            let (mut g, mut s) = ([0.0; 3], [0.0; 6]);
-            let mut product = 1.0;
-            let third = &self.nodes.third[k][end];
-            for j in 0..n {
-                let i = (k + end) * n + j;
-                let most = self.jerk[i];
-                if !most.is_finite() {
-                    continue;
-                }
-                // Everything in units of the bound J / sqrt(x).
-                let scale = root / most;
-                let (a, b, e) =
-                    (third[j] * scale, 1.5 * self.nodes.second[i] * scale, 0.5 * self.nodes.first[i] * scale);
-                let value = a * x + b * dx + e * bend;
-                let (up, down) = (1.0 - value, 1.0 + value);
-                if up <= 0.0 || down <= 0.0 {
-                    return None;
-                }
-                product *= up * down;
-                let drop = 0.5 / x;
-                rank_one(&mut g, &mut s, [drop + a, b, e], 1.0 / up);
-                rank_one(&mut g, &mut s, [drop - a, -b, -e], 1.0 / down);
+            if x <= 0.0 {
+                return None;
             }
+            let (mut g, mut s) = ([0.0; 3], [0.0; 6]);
+            let wanted = derivatives.then_some((&mut g, &mut s));
+            let product = self.lanes.jerks((k, end), [x, dx, bend], wanted)?;
             // `ln` of the slack over its bound, and of the bound itself, which changes with x.
-            let limits = self.jerk[(k + end) * n..][..n].iter().filter(|j| j.is_finite()).count() as f64;
-            barrier += -product.ln() + limits * x.ln();
-            let basis = [rows[end], slopes[end], bends];
-            spread(&g, &s, &basis, &mut gradient, &mut hessian);
+            barrier += -product.ln() + self.jerks * x.ln();
+            if derivatives {
+                let basis = [rows[end], slopes[end], bends];
+                spread(&g, &s, &basis, &mut gradient, &mut hessian);
+            }
         }
         let root = 1.0 / middle.sqrt();
         let weight = 4.0 * h / 6.0;
@@ -412,14 +533,26 @@ impl<'a> Barrier<'a> {
         Some([weight * root, barrier])
     }
 
-    /// The optimum up to the gap, from a feasible start.
-    fn solve(&self) -> Option<Vec<f64>> {
+    /// The largest multiple of known coefficients that is well within the limits, if there is one.
+    fn start_near(&self, known: &[f64]) -> Option<Vec<f64>> {
+        let mut factor = 1.0;
+        (0..WARM_STEPS).find_map(|_| {
+            factor *= WARM_STEP;
+            let c: Vec<f64> = known.iter().map(|c| c * factor).collect();
+            self.evaluate(&c, None).map(|_| c)
+        })
+    }
+
+    /// The optimum up to the gap, from a feasible start; the optimum of nearly the same limits is a near one.
+    fn solve(&self, known: Option<&[f64]>) -> Option<Vec<f64>> {
         let size = self.nodes.h.len() + 2;
-        let mut c = vec![self.start(); size];
+        let near = known.and_then(|known| self.start_near(known));
+        let excess = if near.is_some() { WARM_GAP } else { 1.0 };
+        let mut c = near.unwrap_or_else(|| vec![self.start(); size]);
         let mut quadratic =
             Quadratic { gradient: vec![0.0; size], hessian: vec![[0.0; 3]; size], free: self.free };
         let [duration, _] = self.evaluate(&c, None)?;
-        let mut mu = duration / self.constraints.max(1.0);
+        let mut mu = excess * duration / self.constraints.max(1.0);
         let mut trial = c.clone();
         for _ in 0..STAGES {
             let mut now = self.evaluate(&c, None)?;
@@ -461,6 +594,11 @@ const STAGES: usize = 14;
 const STAGE_STEPS: usize = 12;
 const COOLING: f64 = 0.15;
 const SETTLED: f64 = 0.02;
+/// By how much the squared speeds of another solution are lowered until they are within the limits, how often at most, and
+/// the share of the duration that the barrier may cost at first.
+const WARM_STEP: f64 = 0.98;
+const WARM_STEPS: usize = 10;
+const WARM_GAP: f64 = 0.03;
 /// Shortest step of a line search.
 const SHORTEST_STEP: f64 = 1e-7;
 
@@ -472,20 +610,6 @@ fn two_sided(g: &mut [f64; 2], s: &mut [f64; 3], w: [f64; 2], up: f64, down: f64
     s[0] += bend * w[0] * w[0];
     s[1] += bend * w[0] * w[1];
     s[2] += bend * w[1] * w[1];
-}
-
-/// Adds `-ln(slack)` whose gradient is `w / slack`.
-fn rank_one(g: &mut [f64; 3], s: &mut [f64; 6], w: [f64; 3], over: f64) {
-    let w = w.map(|v| v * over);
-    for i in 0..3 {
-        g[i] += w[i];
-    }
-    s[0] += w[0] * w[0];
-    s[1] += w[0] * w[1];
-    s[2] += w[0] * w[2];
-    s[3] += w[1] * w[1];
-    s[4] += w[1] * w[2];
-    s[5] += w[2] * w[2];
 }
 
 /// Gradient and Hessian by (x, x', x'') in terms of three coefficients.
@@ -562,18 +686,19 @@ const GAUSS: [[f64; 2]; 5] = [
     [0.953_089_922_969_332, 0.118_463_442_528_094_5],
 ];
 
-/// The fastest law over a stretch, `None` where the barrier finds no inside.
+/// The fastest law over a stretch, `None` where the barrier finds no inside. `known` holds the coefficients that were found
+/// with nearly the same limits, then those found now.
 pub(super) fn fastest(
     stretch: &Stretch,
     limits: &NodeLimits,
-    settings: &RetimeSettings,
-    jerk: &[f64],
+    (settings, jerk): (&RetimeSettings, &[f64]),
     rest: [bool; 2],
     share: &[f64],
+    known: &mut Option<Vec<f64>>,
 ) -> Option<JerkLaw> {
     let nodes = Nodes::new(stretch, limits, rest);
     let barrier = Barrier::new(&nodes, limits, settings, jerk, rest, share);
-    let c = barrier.solve()?;
+    let c = barrier.solve(known.as_deref())?;
     let (n, last) = (nodes.n, nodes.h.len());
     let mut law = JerkLaw { nodes: Vec::new(), qd: Vec::new(), qdd: Vec::new() };
     let mut t = 0.0;
@@ -591,5 +716,6 @@ pub(super) fn fastest(
             t += GAUSS.iter().map(|[at, weight]| weight * h / speed(*at)).sum::<f64>();
         }
     }
+    *known = Some(c);
     Some(law)
 }

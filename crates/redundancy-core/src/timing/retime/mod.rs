@@ -6,11 +6,13 @@
 //! jerk where one is given.
 //!
 //! # Method
-//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there.
+//! 1. The path is cut into stretches at corners and at rows that repeat; the arm rests there. Corners may be replaced by
+//!    curves near them ([`blend`]), which the arm passes without a stop.
 //! 2. Straight lines have the closed form of [`straight`]; other stretches are solved by two passes ([`two_pass`]) or, with
 //!    jerk limits, by a barrier method ([`jerk`]).
-//! 3. What counts is the trajectory that is returned, as its own interpolation has it: it is measured at twenty places of each
-//!    interval. Where a limit is exceeded the limits near it are tightened and the stretch is solved again; what is left
+//! 3. The limits hold for the trajectory that is returned, as its own interpolation has it. It is measured between the
+//!    rows too: velocities, accelerations and jerks at their extremes, torques and the tool's speed at samples. Where a
+//!    limit is exceeded the limits near it are tightened and the stretch is solved again; what is left
 //!    after that is removed by slowing the whole stretch down evenly, which `stretched` reports.
 //!
 //! Rows of the path stay rows, in order. Straight lines get rows where their phases change, and sparse paths rows in
@@ -18,6 +20,8 @@
 //!
 //! References: [PhamPham2018], [BoydVandenberghe2004].
 
+mod blend;
+mod extremes;
 mod jerk;
 mod settings;
 mod straight;
@@ -28,12 +32,13 @@ mod verify;
 pub use settings::RetimeSettings;
 pub use verify::{LimitKind, Limiting};
 
+use self::blend::Blend;
 use self::straight::StraightLaw;
-use self::stretch::{NodeLimits, Stretch};
-use self::verify::Motion;
+use self::stretch::{NodeLimits, Origin, Stretch};
+use self::verify::{Motion, NodeTorques};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
-use crate::path::{Event, EventKind, Section, Trajectory};
+use crate::path::{Event, EventKind, Trajectory};
 use crate::tolerance::{
     RETIME_CORNER_RATIO, RETIME_LEAST_NODES, RETIME_SAME_ROW, RETIME_SHARP_CORNER, RETIME_STRAIGHT,
 };
@@ -53,6 +58,8 @@ pub struct Retimed {
     pub stretched: f64,
     /// Rows of the path at which the arm stops on the way.
     pub stops: Vec<usize>,
+    /// Rows of the path whose corners the arm passes without a stop, on a curve within `blend` of them.
+    pub blends: Vec<usize>,
 }
 
 /// The fastest motion along the rows of `q`.
@@ -77,22 +84,7 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
     if rows < 2 {
         return Err(Error::Length { what: "rows of the path".into(), expected: 2, actual: rows });
     }
-    let cuts = cuts(q, n, settings.corner_angle);
-    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
-    let mut path_rows = Vec::with_capacity(rows);
-    let mut stretched = 1.0_f64;
-    for (index, pair) in cuts.windows(2).enumerate() {
-        let (first, last) = (pair[0], pair[1]);
-        let rest = [index > 0 || settings.at_rest, index + 2 < cuts.len() || settings.at_rest];
-        if last == first + 1 && distance(q, n, first, last) <= RETIME_SAME_ROW {
-            motion.dwell(&q[first * n..last * n], &q[last * n..(last + 1) * n], &mut path_rows);
-            continue;
-        }
-        let stretch = Stretch::new(&q[first * n..(last + 1) * n], n, first, settings.rows_between);
-        let (part, factor) = solve(chain, &stretch, settings, rest)?;
-        stretched = stretched.max(factor);
-        motion.append(part, &mut path_rows);
-    }
+    let Timed { motion, mut path_rows, mut stretched, stops, blends } = timed(chain, q, settings)?;
     let motion = match settings.dt {
         None => motion,
         Some(dt) => {
@@ -102,21 +94,94 @@ pub fn retime(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Ret
         }
     };
     let limiting = motion.limiting(chain, settings)?;
-    let stops: Vec<usize> = cuts[1..cuts.len() - 1].to_vec();
-    let events = stops.iter().map(|row| {
-        let index = path_rows[*row];
-        let message = format!("the arm stops at row {row} of the path: its direction changes there");
-        Event { kind: EventKind::Limit, index, t: motion.t[index], s: motion.t[index], message }
-    });
+    let mut events: Vec<Event> = stops
+        .iter()
+        .map(|row| (*row, stop_message(*row)))
+        .chain(blends.iter().map(Blend::report))
+        .map(|(row, message)| {
+            let index = path_rows[row];
+            Event { kind: EventKind::Limit, index, t: motion.t[index], s: motion.t[index], message }
+        })
+        .collect();
+    events.sort_by_key(|event| event.index);
+    let sections = motion.sections();
     let names = chain.joints().iter().map(|joint| joint.name.clone()).collect();
-    let events = events.collect();
     let smooth = settings.jerk_limits.is_some();
     let mut trajectory = Trajectory::new(names, motion.t, motion.q, Some(motion.qd), events)?;
     if smooth {
         trajectory = trajectory.with_accelerations(motion.qdd)?;
     }
-    let sections = vec![Section::Path; trajectory.rows()];
-    Ok(Retimed { trajectory: trajectory.with_sections(sections)?, limiting, path_rows, stretched, stops })
+    let blends = blends.iter().map(|blend: &Blend| blend.row).collect();
+    Ok(Retimed {
+        trajectory: trajectory.with_sections(sections)?,
+        limiting,
+        path_rows,
+        stretched,
+        stops,
+        blends,
+    })
+}
+
+/// The motion over all stretches, and what became of the corners.
+struct Timed {
+    motion: Motion,
+    path_rows: Vec<usize>,
+    stretched: f64,
+    stops: Vec<usize>,
+    blends: Vec<Blend>,
+}
+
+/// Solves one stretch after the other.
+fn timed(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Timed> {
+    let n = chain.dof();
+    let cuts = cuts(q, n, settings.corner_angle);
+    let mut motion = Motion::new(n, settings.jerk_limits.is_some());
+    let mut path_rows = Vec::with_capacity(q.len() / n);
+    let mut stretched = 1.0_f64;
+    // `None` where the arm waits between two equal rows.
+    let legs: Vec<Option<Stretch>> = cuts
+        .windows(2)
+        .map(|cut| {
+            let waits = cut[1] == cut[0] + 1 && distance(q, n, cut[0], cut[1]) <= RETIME_SAME_ROW;
+            let rows = &q[cut[0] * n..(cut[1] + 1) * n];
+            (!waits).then(|| Stretch::new(rows, n, cut[0], settings.rows_between))
+        })
+        .collect();
+    let count = legs.len();
+    let rest =
+        |first: usize, behind: usize| [first > 0 || settings.at_rest, behind < count || settings.at_rest];
+    let mut alone = Vec::with_capacity(count);
+    for (k, leg) in legs.iter().enumerate() {
+        alone.push(leg.as_ref().map(|leg| solve(chain, leg, settings, rest(k, k + 1))).transpose()?);
+    }
+    let (mut stops, mut blends) = (Vec::new(), Vec::new());
+    let mut index = 0;
+    for (behind, passed) in blend::passed(chain, &legs, &alone, settings, &rest) {
+        if index > 0 {
+            stops.push(cuts[index]);
+        }
+        let parts = alone[index].take();
+        let Some((part, factor)) = passed
+            .map(|(part, factor, corners)| {
+                blends.extend(corners);
+                (part, factor)
+            })
+            .or(parts)
+        else {
+            let row = cuts[index];
+            motion.dwell(&q[row * n..(row + 1) * n], &q[(row + 1) * n..(row + 2) * n], &mut path_rows);
+            index = behind;
+            continue;
+        };
+        stretched = stretched.max(factor);
+        motion.append(part, &mut path_rows);
+        index = behind;
+    }
+    Ok(Timed { motion, path_rows, stretched, stops, blends })
+}
+
+fn stop_message(row: usize) -> String {
+    format!("the arm stops at row {row} of the path: its direction changes there")
 }
 
 /// The motion with rows every `dt`, slowed down evenly as far as the curve through those rows needs it, and by how much: an
@@ -132,8 +197,8 @@ fn at_equal_intervals(
     let mut factor = 1.0;
     for _ in 0..EQUAL_ROUNDS {
         path_rows.copy_from_slice(&own_rows);
-        let even = motion.resampled(dt, path_rows);
-        let worst = even.excess(chain, settings)?.into_iter().fold(0.0, f64::max);
+        let mut even = motion.resampled(dt, path_rows);
+        let worst = even.excess(chain, settings, 1.0, None, None)?.into_iter().fold(0.0, f64::max);
         if worst <= 1.0 + UNSEEN {
             return Ok((even, factor));
         }
@@ -199,7 +264,16 @@ fn solve(
         && settings.tool_speed.is_none()
         && let Some(direction) = stretch.straight(RETIME_STRAIGHT)
     {
-        return Ok((straight(stretch, &direction, settings), 1.0));
+        let mut motion = straight(stretch, &direction, settings);
+        let rounds = if settings.jerk_limits.is_some() { ROUNDING_ROUNDS } else { 0 };
+        for _ in 0..rounds {
+            let factor = motion.excess(chain, settings, 1.0, None, None)?.into_iter().fold(0.0, f64::max);
+            if factor <= 1.0 {
+                break;
+            }
+            motion.slow_down(factor);
+        }
+        return Ok((motion, 1.0));
     }
     let limits = NodeLimits::new(chain, stretch, settings)?;
     limits.check_gravity(chain, stretch, settings)?;
@@ -208,47 +282,69 @@ fn solve(
         return eased(chain, stretch, &limits, settings, rest);
     }
     let mut share = vec![1.0; stretch.nodes()];
-    let mut best: Option<(Motion, f64)> = None;
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut known = None;
     for _ in 0..REPAIRS {
-        let motion = match &settings.jerk_limits {
-            None => second_order(stretch, &limits, settings, rest, &share)?,
-            Some(jerk) => match third_order(stretch, &limits, settings, jerk, rest, &share) {
+        let mut law = Vec::new();
+        let mut motion = match &settings.jerk_limits {
+            None => second_order(stretch, &limits, settings, rest, &share, &mut law)?,
+            Some(jerk) => match third_order(stretch, &limits, (settings, jerk), rest, &share, &mut known) {
                 Some(motion) => motion,
-                None if best.is_some() => break,
-                None => return eased(chain, stretch, &limits, settings, rest),
+                None if rounds.is_empty() => return eased(chain, stretch, &limits, settings, rest),
+                None => break,
             },
         };
-        let excess = motion.excess(chain, settings)?;
+        let before = rounds.last().map(|round| (&round.motion, &round.excess[..]));
+        // With jerk limits and along the tool the torques at the nodes alone do not say enough.
+        let by_nodes = settings.jerk_limits.is_none() && settings.tool_speed.is_none();
+        let nodes = by_nodes.then_some(NodeTorques { limits: &limits, law: &law });
+        let excess = motion.excess(chain, settings, 1.0, before, nodes)?;
         let worst = excess.iter().copied().fold(1.0, f64::max);
-        let duration = motion.duration() * worst;
-        if best.as_ref().is_none_or(|(best, factor)| duration < best.duration() * factor) {
-            best = Some((motion, worst));
-        }
-        if worst <= 1.0 + GOOD_ENOUGH {
-            break;
-        }
         // The times of an interval that is too fast by a factor: both its ends, and their neighbours a little.
         for (k, factor) in excess.iter().enumerate() {
             let tighter = factor.powi(-2);
             share[k] = share[k].min(share[k] * tighter);
             share[k + 1] = share[k + 1].min(share[k + 1] * tighter);
         }
+        rounds.push(Round { motion, excess, worst });
+        if worst <= 1.0 + GOOD_ENOUGH {
+            break;
+        }
     }
-    let Some((mut motion, worst)) = best else {
+    let slowest = |round: &Round| round.motion.duration() * round.worst;
+    let best = rounds.into_iter().min_by(|a, b| slowest(a).total_cmp(&slowest(b)));
+    let Some(Round { mut motion, worst, .. }) = best else {
         return Err(Error::Invalid("no times within the limits were found for the path".into()));
     };
-    // Between the places that were checked the motion may be a little faster still.
-    let factor = worst * (1.0 + UNSEEN);
-    if factor > 1.0 {
-        motion.slow_down(factor);
+    // Between the places that were checked the motion may be a little faster still. The jerk of a short interval is uncertain
+    // by the rounding of its rows, differently after every change of its length.
+    let mut factor = worst;
+    for _ in 0..ROUNDING_ROUNDS {
+        motion.slow_down(factor * (1.0 + UNSEEN));
+        if settings.jerk_limits.is_none() {
+            break;
+        }
+        factor = motion.excess(chain, settings, 1.0, None, None)?.into_iter().fold(0.0, f64::max);
+        if factor <= 1.0 {
+            break;
+        }
     }
     Ok((motion, worst))
+}
+
+/// A motion, by what factor each of its intervals is too fast, and the largest of these factors.
+struct Round {
+    motion: Motion,
+    excess: Vec<f64>,
+    worst: f64,
 }
 
 /// Rounds of solving again with tighter limits where the motion exceeds them.
 const REPAIRS: usize = 4;
 /// Excess that is left to the even slowing down: it costs as much time.
 const GOOD_ENOUGH: f64 = 2e-4;
+/// How often a motion is slowed down again for what rounding adds to its jerk.
+const ROUNDING_ROUNDS: usize = 4;
 /// Relative excess between the places that were checked.
 const UNSEEN: f64 = 1e-5;
 
@@ -258,6 +354,7 @@ fn second_order(
     settings: &RetimeSettings,
     rest: [bool; 2],
     share: &[f64],
+    law: &mut Vec<[f64; 2]>,
 ) -> Result<Motion> {
     let x = two_pass::fastest(stretch, limits, settings, rest, share)
         .map_err(|k| Error::CannotFollow(format!("no speed at node {k} of the path is within the limits")))?;
@@ -265,14 +362,18 @@ fn second_order(
     let mut motion = Motion::new(n, false);
     let speed: Vec<f64> = x.iter().map(|x| x.max(0.0).sqrt()).collect();
     let mut t = 0.0;
+    let (mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..stretch.nodes() {
         let at = k * n..(k + 1) * n;
         let next = (k + 1).min(stretch.nodes() - 1);
         let here = next - 1;
         let u = (x[next] - x[here]) / (2.0 * (stretch.s[next] - stretch.s[here]));
-        let qd: Vec<f64> = stretch.d[at.clone()].iter().map(|d| d * speed[k]).collect();
-        let qdd: Vec<f64> = at.clone().map(|i| stretch.d[i] * u + stretch.dd[i] * x[k]).collect();
-        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
+        law.push([u, x[k]]);
+        for (j, i) in at.clone().enumerate() {
+            qd[j] = stretch.d[i] * speed[k];
+            qdd[j] = stretch.d[i] * u + stretch.dd[i] * x[k];
+        }
+        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.origin[k]);
         if k + 1 < stretch.nodes() {
             t += 2.0 * (stretch.s[k + 1] - stretch.s[k]) / (speed[k] + speed[k + 1]);
         }
@@ -283,17 +384,17 @@ fn second_order(
 fn third_order(
     stretch: &Stretch,
     limits: &NodeLimits,
-    settings: &RetimeSettings,
-    jerk: &[f64],
+    (settings, jerk): (&RetimeSettings, &[f64]),
     rest: [bool; 2],
     share: &[f64],
+    known: &mut Option<Vec<f64>>,
 ) -> Option<Motion> {
-    let law = jerk::fastest(stretch, limits, settings, jerk, rest, share)?;
+    let law = jerk::fastest(stretch, limits, (settings, jerk), rest, share, known)?;
     let n = stretch.n;
     let mut motion = Motion::new(n, true);
     for (k, node) in law.nodes.iter().enumerate() {
         let at = k * n..(k + 1) * n;
-        motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.row[k]);
+        motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.origin[k]);
     }
     Some(motion)
 }
@@ -333,12 +434,12 @@ fn eased(
         let qd: Vec<f64> = stretch.d[at.clone()].iter().map(|d| d * speed).collect();
         let qdd: Vec<f64> =
             at.clone().map(|i| stretch.d[i] * acceleration + stretch.dd[i] * speed * speed).collect();
-        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.row[k]);
+        motion.push(t, &stretch.q[at], &qd, &qdd, stretch.origin[k]);
     }
     if rest == [true; 2] {
         motion.rest_at_ends();
     }
-    let worst = motion.excess(chain, settings)?.into_iter().fold(0.0, f64::max);
+    let worst = motion.excess(chain, settings, 0.0, None, None)?.into_iter().fold(0.0, f64::max);
     motion.slow_down(worst * (1.0 + UNSEEN));
     let dense;
     let (reference, its_limits) = if stretch.nodes() > 2 {
@@ -348,7 +449,7 @@ fn eased(
         (&dense, &NodeLimits::new(chain, &dense, settings)?)
     };
     let share = vec![1.0; reference.nodes()];
-    let fastest = second_order(reference, its_limits, settings, rest, &share)?.duration();
+    let fastest = second_order(reference, its_limits, settings, rest, &share, &mut Vec::new())?.duration();
     let factor = (motion.duration() / fastest).max(1.0);
     Ok((motion, factor))
 }
@@ -373,7 +474,7 @@ fn straight(stretch: &Stretch, direction: &[f64], settings: &RetimeSettings) -> 
     let mut times: Vec<(f64, Option<usize>)> = Vec::new();
     for k in 0..stretch.nodes() {
         // Nodes between sparse rows are not needed here: the phases are exact.
-        if stretch.row[k].is_some() {
+        if stretch.origin[k].row.is_some() {
             let t = match k {
                 0 => 0.0,
                 _ if k + 1 == stretch.nodes() => end,
@@ -401,7 +502,7 @@ fn straight(stretch: &Stretch, direction: &[f64], settings: &RetimeSettings) -> 
             &q,
             &qd.collect::<Vec<_>>(),
             &qdd.collect::<Vec<_>>(),
-            node.and_then(|k| stretch.row[k]),
+            node.map_or(Origin::BETWEEN, |k| stretch.origin[k]),
         );
     }
     motion.rest_at_ends();

@@ -22,6 +22,9 @@ pub struct RetimeSettings {
     pub at_rest: bool,
     /// Changes of direction in joint space above this angle are corners, rad.
     pub corner_angle: f64,
+    /// How far (m) the tool may pass from a corner, in place of a stop there; a turn of the tool counts
+    /// [`TURN_LENGTH`](crate::tolerance::TURN_LENGTH) per radian. 0 stops at every corner.
+    pub blend: f64,
     /// Rows at these intervals in place of the rows of the path, s.
     pub dt: Option<f64>,
     /// Whether rows may appear between those of the path: where straight lines change their phase, and where rows are
@@ -45,6 +48,7 @@ impl RetimeSettings {
             tool_speed: None,
             at_rest: true,
             corner_angle: 0.02,
+            blend: 0.0,
             dt: None,
             rows_between: true,
             gravity: Vector3::new(0.0, 0.0, -9.81),
@@ -84,6 +88,10 @@ impl RetimeSettings {
         if !(0.0..=std::f64::consts::PI).contains(&self.corner_angle) {
             let (what, value) = ("corner_angle".into(), self.corner_angle);
             return Err(Error::OutOfRange { what, value, bound: ">= 0 and <= pi".into() });
+        }
+        if !(self.blend >= 0.0 && self.blend.is_finite()) {
+            let (what, value) = ("blend".into(), self.blend);
+            return Err(Error::OutOfRange { what, value, bound: "finite and >= 0 (m)".into() });
         }
         Ok(())
     }

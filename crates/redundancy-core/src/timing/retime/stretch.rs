@@ -13,14 +13,33 @@ use crate::kinematics::{DynamicsScratch, Scratch};
 use crate::path::knot_derivatives;
 use crate::tolerance::{RETIME_NODES, RETIME_TURN, RETIME_TURN_PARTS};
 
+/// What a node is to the path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Origin {
+    /// The row of the path that it is, or that it stands for within a blend.
+    pub row: Option<usize>,
+    /// It lies on the curve that replaces a corner.
+    pub blended: bool,
+}
+
+impl Origin {
+    /// A node between two rows of the path.
+    pub const BETWEEN: Self = Self { row: None, blended: false };
+
+    /// A row of the path.
+    pub const fn path(row: usize) -> Self {
+        Self { row: Some(row), blended: false }
+    }
+}
+
 /// Nodes of a stretch and the derivatives of the joints by the chord length at them.
 #[derive(Debug, Clone)]
 pub(super) struct Stretch {
     pub n: usize,
     /// Chord length at each node, rad.
     pub s: Vec<f64>,
-    /// The row of the path that each node is.
-    pub row: Vec<Option<usize>>,
+    /// What each node is to the path.
+    pub origin: Vec<Origin>,
     pub q: Vec<f64>,
     pub d: Vec<f64>,
     pub dd: Vec<f64>,
@@ -41,18 +60,10 @@ impl Stretch {
         let (d, dd) = knot_derivatives(&s, rows, n);
         let third = |k: usize, j: usize| (dd[(k + 1) * n + j] - dd[k * n + j]) / (s[k + 1] - s[k]);
         let parts = if nodes_between { parts(rows, n) } else { vec![1; count - 1] };
-        let mut out = Self {
-            n,
-            s: Vec::new(),
-            row: Vec::new(),
-            q: Vec::new(),
-            d: Vec::new(),
-            dd: Vec::new(),
-            ddd: Vec::new(),
-        };
+        let mut out = Self::empty(n);
         for k in 0..count {
             let here = k * n..(k + 1) * n;
-            out.push(s[k], Some(first + k), &rows[here.clone()], &d[here.clone()], &dd[here]);
+            out.push(s[k], Origin::path(first + k), &rows[here.clone()], &d[here.clone()], &dd[here]);
             if k + 1 == count {
                 break;
             }
@@ -64,7 +75,7 @@ impl Stretch {
                 };
                 let values: Vec<[f64; 3]> = (0..n).map(at).collect();
                 let column = |c: usize| values.iter().map(|v| v[c]).collect::<Vec<f64>>();
-                out.push(s[k] + h, None, &column(0), &column(1), &column(2));
+                out.push(s[k] + h, Origin::BETWEEN, &column(0), &column(1), &column(2));
             }
             for _ in 0..parts[k] {
                 out.ddd.extend((0..n).map(|j| third(k, j)));
@@ -73,9 +84,16 @@ impl Stretch {
         out
     }
 
-    fn push(&mut self, s: f64, row: Option<usize>, q: &[f64], d: &[f64], dd: &[f64]) {
+    /// Without nodes.
+    pub fn empty(n: usize) -> Self {
+        let [s, q, d, dd, ddd] = std::array::from_fn(|_| Vec::new());
+        Self { n, s, origin: Vec::new(), q, d, dd, ddd }
+    }
+
+    /// Adds a node; the third derivative of the interval before it is the caller's.
+    pub fn push(&mut self, s: f64, origin: Origin, q: &[f64], d: &[f64], dd: &[f64]) {
         self.s.push(s);
-        self.row.push(row);
+        self.origin.push(origin);
         self.q.extend_from_slice(q);
         self.d.extend_from_slice(d);
         self.dd.extend_from_slice(dd);
@@ -84,6 +102,25 @@ impl Stretch {
     /// Number of nodes.
     pub fn nodes(&self) -> usize {
         self.s.len()
+    }
+
+    /// Length of the curve, rad.
+    pub fn length(&self) -> f64 {
+        self.s.last().copied().unwrap_or(0.0)
+    }
+
+    /// The joints and their first two derivatives at a length.
+    pub fn at(&self, s: f64) -> [Vec<f64>; 3] {
+        let (n, last) = (self.n, self.nodes() - 1);
+        let k = self.s.partition_point(|node| *node <= s).clamp(1, last) - 1;
+        let h = s - self.s[k];
+        let third = |j: usize| self.ddd[k * n + j];
+        let each = |of: &dyn Fn(usize, usize) -> f64| (0..n).map(|j| of(k * n + j, j)).collect();
+        [
+            each(&|i, j| self.q[i] + h * (self.d[i] + h * (self.dd[i] / 2.0 + h * third(j) / 6.0))),
+            each(&|i, j| self.d[i] + h * (self.dd[i] + h * third(j) / 2.0)),
+            each(&|i, j| self.dd[i] + h * third(j)),
+        ]
     }
 
     /// The joint direction when all rows lie on one line; then the time law has a closed form.

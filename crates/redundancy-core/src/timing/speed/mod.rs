@@ -27,6 +27,6 @@ mod terms;
 
 pub use branch::max_speed_of_poses;
 pub use constant::{MaxSpeed, max_speed};
-pub(super) use profile::extreme_speed;
+pub(super) use profile::{PROFILE_SLACK, SPEED_CAP, VERTEX_STEPS};
 pub use profile::{SpeedProfile, fastest_profile};
 pub use settings::{SpeedLimit, SpeedSettings};

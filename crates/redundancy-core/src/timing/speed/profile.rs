@@ -129,16 +129,16 @@ impl SpeedTerms {
 }
 
 /// Relative excess of a squared speed over its bound that rounding explains.
-const PROFILE_SLACK: f64 = 1e-9;
+pub(in crate::timing) const PROFILE_SLACK: f64 = 1e-9;
 /// Halvings of the search for the largest squared speed; each bound is linear, so the gap of the accelerations is concave
 /// and the steps of the search below end exactly on a vertex.
-const VERTEX_STEPS: usize = 64;
+pub(in crate::timing) const VERTEX_STEPS: usize = 64;
 
 /// Largest (or least) `x >= 0` for which some `u` holds all rows `a u + b x <= c`.
 ///
 /// For fixed x the rows leave `u` an interval `[lo(x), hi(x)]`; `hi - lo` is concave and piecewise linear. Newton's method
 /// on it goes from vertex to vertex: from outside it never steps over the end of the feasible part.
-pub(in crate::timing) fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<f64> {
+fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<f64> {
     // Bounds without u.
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for [a, b, c] in rows {
@@ -190,4 +190,4 @@ pub(in crate::timing) fn extreme_speed(rows: &[[f64; 3]], most: bool) -> Option<
 }
 
 /// Squared speed (m/s)^2 that counts as no limit: no arm comes near 1 km/s.
-const SPEED_CAP: f64 = 1e6;
+pub(in crate::timing) const SPEED_CAP: f64 = 1e6;

@@ -13,6 +13,8 @@ use std::cell::RefCell;
 
 use nalgebra::Vector3;
 
+use super::anchor::{Anchor, Groups, Known, NearScan};
+use super::near::Near;
 use crate::error::Result;
 use crate::kinematics::{Scratch, Task};
 use crate::pose::Pose;
@@ -65,6 +67,7 @@ pub(in crate::planning) struct ArmClearance {
     reach: Vec<f64>,
     /// Speed of the fastest obstacle, m/s.
     fastest: f64,
+    groups: Groups,
     plain: Option<Plain>,
 }
 
@@ -88,27 +91,6 @@ pub(in crate::planning) struct OverPose {
     t: f64,
 }
 
-/// How near the links are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::planning) struct Near {
-    /// The least of their distances, m.
-    pub least: f64,
-    /// Squares of the shares that they miss of the wanted clearance, added up.
-    pub missing: f64,
-}
-
-impl Near {
-    /// Nothing is near.
-    pub const FAR: Self = Self { least: f64::INFINITY, missing: 0.0 };
-
-    fn of(distances: impl IntoIterator<Item = f64>, wanted: f64) -> Self {
-        distances.into_iter().fold(Self::FAR, |near, distance| {
-            let missing = if distance < wanted { 1.0 - distance / wanted } else { 0.0 };
-            Self { least: near.least.min(distance), missing: near.missing + missing * missing }
-        })
-    }
-}
-
 /// A distance and how it changes.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::planning) struct Rates {
@@ -129,41 +111,6 @@ pub(in crate::planning) struct Now<'a> {
     t: f64,
     shoulder: Vector3<f64>,
     wrist: Vector3<f64>,
-}
-
-/// Most links whose clearances are kept apart; those beyond share the last place.
-const MOST_LINKS: usize = 64;
-
-/// The nearest of each link of a scan.
-struct ByLink {
-    wanted: f64,
-    beyond: f64,
-    links: usize,
-    distance: [f64; MOST_LINKS],
-}
-
-impl ByLink {
-    /// The link that a pair belongs to.
-    fn place(&self, first: Thing, second: Thing) -> usize {
-        let link = match (first, second) {
-            (Thing::Link(link), _) | (_, Thing::Link(link)) => link,
-            // What a link carries beside an obstacle.
-            _ => self.links,
-        };
-        link.min(MOST_LINKS - 1)
-    }
-}
-
-impl Visitor for ByLink {
-    fn limit(&self, first: Thing, second: Thing) -> f64 {
-        self.distance[self.place(first, second)]
-    }
-
-    fn found(&mut self, contact: &Contact<'_>) -> bool {
-        let place = self.place(contact.first, contact.second);
-        self.distance[place] = contact.gap.distance;
-        true
-    }
 }
 
 thread_local! {
@@ -218,7 +165,8 @@ impl ArmClearance {
         let obstacles = around.scene.map(Scene::obstacles).unwrap_or_default();
         let fastest = obstacles.iter().map(|o| o.velocity.norm()).fold(0.0, f64::max);
         let reach = moved.reach();
-        Ok(Self { arm: arm.clone(), moved, held, reach, fastest, plain })
+        let groups = Groups::new(&moved);
+        Ok(Self { arm: arm.clone(), moved, held, reach, fastest, groups, plain })
     }
 
     /// True where nothing is to be kept away from.
@@ -284,17 +232,32 @@ impl ArmClearance {
         })
     }
 
-    /// Distances at a configuration, by its kinematics; beyond `beyond` they are not exact.
-    fn at_q(&self, q: &[f64], t: f64, wanted: f64, beyond: f64) -> Near {
+    /// Distances at a branch's configuration over a pose; beyond `beyond` they are not exact. The anchor is of the same pose and
+    /// time, or none; another one may take its place.
+    fn by_kinematics(
+        &self,
+        (branch, s, q): (usize, f64, &[f64; 7]),
+        t: f64,
+        (wanted, beyond): (f64, f64),
+        anchor: &mut Option<Anchor>,
+    ) -> Near {
+        let known = anchor.as_ref().map_or(Known::Little, |anchor| anchor.says((branch, s, q), beyond));
+        let mut scan = match known {
+            Known::Far => return Near { least: beyond, missing: 0.0 },
+            Known::Some(open) => NearScan::of(&self.groups, open, beyond),
+            Known::Little => NearScan::for_anchor(&self.groups, beyond),
+        };
         with_scratch(&self.arm, |scratch| {
             let kinematics = self.arm.chain().kinematics_unchecked(q, scratch);
-            let links = self.moved.links();
-            let mut by_link = ByLink { wanted, beyond, links, distance: [beyond; MOST_LINKS] };
-            with_memory(|memory| self.moved.scan(&kinematics, t, memory, &mut by_link));
-            let mut near = Near::of(by_link.distance, by_link.wanted);
-            near.least = near.least.min(by_link.beyond);
-            near
-        })
+            with_memory(|memory| self.moved.scan(&kinematics, t, memory, &mut scan));
+            if matches!(known, Known::Little) && scan.is_whole() {
+                let pose = kinematics.pose();
+                let wrist = pose.rotation * self.arm.wrist_in_tool() + pose.translation.vector;
+                let ends = [&self.arm.shoulder(), &wrist];
+                *anchor = Some(Anchor::new((branch, s, q), &scan, &kinematics, &self.moved, ends));
+            }
+        });
+        scan.near(wanted)
     }
 
     /// The nearest pair at a configuration: of what the swivel moves, and of what the pose holds.
@@ -342,38 +305,44 @@ impl ArmClearance {
         })
     }
 
-    /// At the swivel `s` of the branch whose configuration is `q`.
+    /// At the swivel `s` of a branch whose configuration is `q`. The anchor is of the same pose and time, or none.
     pub fn of_one(
         &self,
         motion: &SelfMotion,
         over: Option<&OverPose>,
-        (s, q): (f64, &[f64; 7]),
+        (branch, s, q): (usize, f64, &[f64; 7]),
         t: f64,
         (wanted, beyond): (f64, f64),
+        anchor: &mut Option<Anchor>,
     ) -> Near {
         match over.zip(self.plain.as_ref()) {
             Some((over, plain)) => {
                 let (sin, cos) = s.sin_cos();
                 self.at_elbow(plain, over, &motion.elbow([cos, sin]), wanted)
             }
-            None => self.at_q(q, t, wanted, beyond),
+            None => self.by_kinematics((branch, s, q), t, (wanted, beyond), anchor),
         }
     }
 
-    /// At the swivel `s` of the branches in `mask`, in branch order.
+    /// At the swivel `s` of the branches in `mask`, in branch order, with an anchor for each.
     pub fn of_branches(
         &self,
         motion: &SelfMotion,
         over: Option<&OverPose>,
         (s, q, mask): (f64, &[[f64; 7]; 8], u8),
         t: f64,
-        (wanted, beyond): (f64, f64),
+        reach: (f64, f64),
+        anchors: &mut [Option<Anchor>; 8],
     ) -> [Near; 8] {
         if over.is_some() {
-            return [self.of_one(motion, over, (s, &q[0]), t, (wanted, beyond)); 8];
+            return [self.of_one(motion, over, (0, s, &q[0]), t, reach, &mut None); 8];
         }
         std::array::from_fn(|b| {
-            if mask & (1 << b) == 0 { Near::FAR } else { self.at_q(&q[b], t, wanted, beyond) }
+            if mask & (1 << b) == 0 {
+                Near::FAR
+            } else {
+                self.of_one(motion, over, (b, s, &q[b]), t, reach, &mut anchors[b])
+            }
         })
     }
 

@@ -1,6 +1,6 @@
 //! The outcome of a swivel plan and its reason: points without a configuration, limits, reconfigurations.
 
-use super::clearance::Near;
+use super::near::Near;
 use super::problem::{SwivelLine, SwivelProblem};
 use super::settings::SwivelChoice;
 use crate::chain::Chain;
@@ -188,7 +188,7 @@ impl SwivelProblem<'_> {
         let proven = status == Status::Converged;
         let cost = proven.then(|| {
             let rows = (0..n).into_par_iter();
-            let near: Vec<Near> = rows.map(|k| self.distance(k, line.swivel[k], &line.q[k])).collect();
+            let near: Vec<Near> = rows.map(|k| self.distance_of(&line, k)).collect();
             self.cost_of(&line.swivel, &line.q, &near)
         });
         let cost = cost.filter(|cost| cost.is_finite());
@@ -246,14 +246,21 @@ impl SwivelProblem<'_> {
     /// The configuration over point `k` within the limits that is farthest from contact, and its distance.
     fn clearest(&self, k: usize) -> Option<(f64, [f64; 7])> {
         let mut best: Option<(f64, [f64; 7])> = None;
+        let mut anchors = [const { None }; 8];
         for s in self.grid(k) {
             let all = self.circles[k].all_branches(s);
             let within = self.branches.iter().filter(|b| self.holds(&all[**b]));
             let mask = within.clone().fold(0u8, |mask, b| mask | 1 << b);
-            let distances = self.distances(k, s, &all, mask);
+            let distances = self.distances(k, s, &all, mask, &mut anchors);
             for b in within {
-                if best.as_ref().is_none_or(|best| distances[*b].least > best.0) {
-                    best = Some((distances[*b].least, all[*b]));
+                let mut distance = distances[*b].least;
+                // Which contact is the least deep counts only where all are in contact.
+                if distance <= 0.0 && best.as_ref().is_none_or(|best| best.0 <= 0.0) {
+                    let near = self.obstacles.as_ref().and_then(|o| o.arm.nearest(&all[*b], o.times[k])[0]);
+                    distance = near.map_or(distance, |near| near.gap.distance);
+                }
+                if best.as_ref().is_none_or(|best| distance > best.0) {
+                    best = Some((distance, all[*b]));
                 }
             }
         }
@@ -334,11 +341,13 @@ impl SwivelProblem<'_> {
             }
         }
         let branch = line.branch[k - 1];
-        let distance = self.distances(k, line.swivel[k - 1], &all, 1 << branch)[branch].least;
+        let distance = self.distance(k, branch, line.swivel[k - 1], q).least;
         if distance <= 0.0 {
-            return format!("the arm would be {:.3} mm deep in an obstacle", -1e3 * distance);
+            let near = self.obstacles.as_ref().and_then(|o| o.arm.nearest(q, o.times[k])[0]);
+            let depth = -1e3 * near.map_or(distance, |near| near.gap.distance);
+            return format!("the arm would be {depth:.3} mm deep in an obstacle");
         }
-        let before = self.distance(k - 1, line.swivel[k - 1], &line.q[k - 1]).least;
+        let before = self.distance_of(line, k - 1).least;
         let after = nearest_all(q, &line.q[k - 1]);
         if !self.edge_is_clear(k - 1, [&line.q[k - 1], &after], [before, distance], &mut None) {
             return format!("the arm would touch an obstacle between points {} and {k}", k - 1);

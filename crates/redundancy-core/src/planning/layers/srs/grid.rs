@@ -3,7 +3,7 @@
 //! Positions and costs are kept by joint and by cell, so that the search is plain arithmetic on rows of numbers. An arc that
 //! is narrower than a cell gets a node of its own.
 
-use super::clearance::Near;
+use super::near::Near;
 use super::problem::SwivelProblem;
 use crate::joint_space::{TURN, turned};
 use crate::kinematics::Scratch;
@@ -122,6 +122,7 @@ impl<'a> SwivelGrid<'a> {
             codes: vec![Vec::new(); rows],
         };
         let mut alive = vec![0u8; cells];
+        let mut anchors = [const { None }; 8];
         for cell in 0..cells {
             let s = self.angle(k, cell);
             let allowed = circle.allowed(s);
@@ -132,7 +133,8 @@ impl<'a> SwivelGrid<'a> {
             let mut distances = None;
             for (row, branch) in problem.branches.iter().enumerate() {
                 if allowed & (1 << branch) != 0 {
-                    let distances = distances.get_or_insert_with(|| problem.distances(k, s, &all, allowed));
+                    let distances =
+                        distances.get_or_insert_with(|| problem.distances(k, s, &all, allowed, &mut anchors));
                     let node = Node { s, q: &all[*branch], near: distances[*branch] };
                     self.put(&mut layer, (k, row, cell), node, scratch);
                     alive[cell] |= 1 << branch;
@@ -172,7 +174,7 @@ impl<'a> SwivelGrid<'a> {
                     continue;
                 }
                 let q = problem.circles[k].branch_of(middle, *branch);
-                let near = problem.distance(k, middle, &q);
+                let near = problem.distance(k, *branch, middle, &q);
                 self.put(layer, (k, row, cell), Node { s: middle, q: &q, near }, scratch);
                 layer.narrow.push((row, cell, middle));
                 alive[cell] |= 1 << branch;

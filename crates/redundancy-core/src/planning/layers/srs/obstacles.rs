@@ -1,6 +1,10 @@
 //! Distances from obstacles along a path, and whether the arm is clear between the points.
 
-use super::clearance::{ArmClearance, Around, Near, OverPose};
+use std::sync::Mutex;
+
+use super::anchor::Anchor;
+use super::clearance::{ArmClearance, Around, OverPose};
+use super::near::Near;
 use super::settings::SwivelPlanSettings;
 use crate::error::Result;
 use crate::parallel::prelude::*;
@@ -19,6 +23,13 @@ pub(super) struct SceneAlongPath {
     over: Vec<Option<OverPose>>,
     /// The wanted clearance, and the distance beyond which others are not exact, m.
     reach: (f64, f64),
+    /// For each point what is known there of the last branch that was evaluated on its own.
+    anchors: Vec<Mutex<Option<Anchor>>>,
+}
+
+/// Nothing is known yet.
+fn no_anchors(points: usize) -> Vec<Mutex<Option<Anchor>>> {
+    (0..points).map(|_| Mutex::new(None)).collect()
 }
 
 impl SceneAlongPath {
@@ -44,7 +55,8 @@ impl SceneAlongPath {
         let beyond = settings.wanted_clearance.max(CLEARANCE_BEYOND);
         let poses = path.poses();
         let over = (0..poses.len()).into_par_iter().map(|k| near.over(&poses[k], times[k], beyond)).collect();
-        Ok(Some(Self { arm: near, times, over, reach: (settings.wanted_clearance, beyond) }))
+        let (reach, anchors) = ((settings.wanted_clearance, beyond), no_anchors(poses.len()));
+        Ok(Some(Self { arm: near, times, over, reach, anchors }))
     }
 
     /// The same at some of the points.
@@ -54,10 +66,11 @@ impl SceneAlongPath {
             times: kept.iter().map(|k| self.times[*k]).collect(),
             over: kept.iter().map(|k| self.over[*k].clone()).collect(),
             reach: self.reach,
+            anchors: no_anchors(kept.len()),
         }
     }
 
-    /// How near the arm is at point `k` at swivel `s`, of the branches in `mask`.
+    /// How near the arm is at point `k` at swivel `s`, of the branches in `mask`; the anchors are of the same point.
     pub fn of_branches(
         &self,
         motion: &SelfMotion,
@@ -65,13 +78,21 @@ impl SceneAlongPath {
         s: f64,
         q: &[[f64; 7]; 8],
         mask: u8,
+        anchors: &mut [Option<Anchor>; 8],
     ) -> [Near; 8] {
-        self.arm.of_branches(motion, self.over[k].as_ref(), (s, q, mask), self.times[k], self.reach)
+        let at = (s, q, mask);
+        self.arm.of_branches(motion, self.over[k].as_ref(), at, self.times[k], self.reach, anchors)
     }
 
     /// How near one branch is.
-    pub fn of_one(&self, motion: &SelfMotion, k: usize, s: f64, q: &[f64; 7]) -> Near {
-        self.arm.of_one(motion, self.over[k].as_ref(), (s, q), self.times[k], self.reach)
+    pub fn of_one(&self, motion: &SelfMotion, k: usize, at: (usize, f64, &[f64; 7])) -> Near {
+        let look = |anchor: &mut Option<Anchor>| {
+            self.arm.of_one(motion, self.over[k].as_ref(), at, self.times[k], self.reach, anchor)
+        };
+        match self.anchors[k].try_lock() {
+            Ok(mut anchor) => look(&mut anchor),
+            Err(_) => look(&mut None),
+        }
     }
 
     /// Whether what the swivel moves is clear all the way between point `k` and the next, when the joints go straight from `a`

@@ -52,7 +52,7 @@ impl SwivelProblem<'_> {
         if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
             return None;
         }
-        let place = self.place_cost(&q, self.distance(k, s, &q), scratch)?;
+        let place = self.place_cost(&q, self.distance(k, branch, s, &q), scratch)?;
         Some(self.node_cost(k, &q, s, place))
     }
 

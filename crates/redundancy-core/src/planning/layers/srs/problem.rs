@@ -5,7 +5,8 @@ use std::f64::consts::PI;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::clearance::Near;
+use super::anchor::Anchor;
+use super::near::Near;
 use super::obstacles::SceneAlongPath;
 use super::settings::{SwivelChoice, SwivelPlanSettings};
 use super::windings::Windings;
@@ -168,13 +169,22 @@ impl<'a> SwivelProblem<'a> {
     }
 
     /// How near the arm is at point `k` at swivel `s`, of the branches in `mask`.
-    pub fn distances(&self, k: usize, s: f64, q: &[[f64; 7]; 8], mask: u8) -> [Near; 8] {
-        self.obstacles.as_ref().map_or([Near::FAR; 8], |o| o.of_branches(&self.circles[k], k, s, q, mask))
+    /// The anchors are of the same point.
+    pub fn distances(
+        &self,
+        k: usize,
+        s: f64,
+        q: &[[f64; 7]; 8],
+        mask: u8,
+        anchors: &mut [Option<Anchor>; 8],
+    ) -> [Near; 8] {
+        let circle = &self.circles[k];
+        self.obstacles.as_ref().map_or([Near::FAR; 8], |o| o.of_branches(circle, k, s, q, mask, anchors))
     }
 
-    /// How near one branch is.
-    pub fn distance(&self, k: usize, s: f64, q: &[f64; 7]) -> Near {
-        self.obstacles.as_ref().map_or(Near::FAR, |o| o.of_one(&self.circles[k], k, s, q))
+    /// How near one branch is at point `k` at swivel `s`.
+    pub fn distance(&self, k: usize, branch: usize, s: f64, q: &[f64; 7]) -> Near {
+        self.obstacles.as_ref().map_or(Near::FAR, |o| o.of_one(&self.circles[k], k, (branch, s, q)))
     }
 
     /// Whether some winding of each joint holds the limits.
@@ -289,6 +299,11 @@ impl<'a> SwivelProblem<'a> {
         total
     }
 
+    /// How near the arm is at point `k` of a line.
+    pub fn distance_of(&self, line: &SwivelLine, k: usize) -> Near {
+        self.distance(k, line.branch[k], line.swivel[k], &line.q[k])
+    }
+
     /// Whether what the swivel moves is clear all the way between point `k` and the next, when the joints go straight;
     /// `near` are the distances at both.
     pub fn edge_is_clear(
@@ -307,8 +322,7 @@ impl<'a> SwivelProblem<'a> {
             return Vec::new();
         }
         let n = line.q.len();
-        let near: Vec<f64> =
-            (0..n).into_par_iter().map(|k| self.distance(k, line.swivel[k], &line.q[k]).least).collect();
+        let near: Vec<f64> = (0..n).into_par_iter().map(|k| self.distance_of(line, k).least).collect();
         let edge = |memory: &mut Option<SweepMemory>, k: usize| {
             let ends = [&line.q[k - 1], &line.q[k]];
             let jump = line.reconfigurations.binary_search(&k).is_ok();
@@ -380,7 +394,7 @@ impl<'a> SwivelProblem<'a> {
             .enumerate()
             .map(|(k, s)| {
                 let q = self.circles[k].branch_of(*s, branch[k]);
-                (q, self.distance(k, *s, &q))
+                (q, self.distance(k, branch[k], *s, &q))
             })
             .unzip();
         let mut before = *first;

@@ -85,7 +85,7 @@ impl SwivelProblem<'_> {
                 if !(0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
                     return None;
                 }
-                let distance = self.distance(k, s, &q);
+                let distance = self.distance(k, line.branch[k], s, &q);
                 let place = self.place_cost(&q, distance, scratch)?;
                 Some((q, self.node_cost(k, &q, s, place)))
             })
