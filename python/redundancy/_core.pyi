@@ -1630,8 +1630,7 @@ class Resolver:
         dt: float | None = None,
         wish: ArrayLike | None = None,
     ) -> AccelerationStep:
-        """One step of a scheme with `level="acceleration"`: joint accelerations with
-        `J qdd + Jdot qd = task_acceleration`.
+        """One step of a scheme with `level="acceleration"`: `J qdd + Jdot qd = task_acceleration`.
 
         Args:
             q: Joint positions `(n,)`, rad or m.
@@ -1934,16 +1933,18 @@ class PriorityStep:
         """Joint velocity `(n,)`, rad/s or m/s."""
     @property
     def status(self) -> Status:
-        """`converged`: all scales are 1; `singular`: a task is met only as nearly as those above allow; `limits`: limits
-        reduced one.
-        """
+        """`converged`: all scales 1; `singular`: tasks above leave an error of one; `limits`: limits reduced one."""
     @property
     def scales(self) -> NDArray[np.float64]:
-        """One for each task, in [0, 1]; of an inequality 1 where it holds, else the share of the way back that is made."""
+        """`(tasks,)`: one for each task, in [0, 1].
+
+        Of an inequality 1 where it holds, else the share of the way back that is made.
+        """
     @property
     def residuals(self) -> NDArray[np.float64]:
-        """One for each task: `|J qd - scale v|` (`|J qd - v|` where no scale was possible), m/s and rad/s; of an
-        inequality what is missing.
+        """`(tasks,)`, m/s and rad/s: `|J qd - scale v|` of each task, or `|J qd - v|` where no scale was possible.
+
+        Of an inequality what is missing.
         """
     @property
     def active_limits(

@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use redundancy_core::chain::{Chain, ChainBuilder, DhConvention, DhRow, Limits, catalog};
+use redundancy_core::chain::{Chain, Limits, catalog};
 use redundancy_core::criterion::{
     Criterion, GravityTorque, JointRange, KineticEnergy, Posture, TorqueMeasure,
 };
-use redundancy_core::kinematics::{DynamicsScratch, JacobianOf, Scratch, Task, TaskKind, TorqueDerivatives};
+use redundancy_core::kinematics::{DynamicsScratch, Scratch, Task, TaskKind, TorqueDerivatives};
 use redundancy_core::nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use redundancy_core::solutions::{Chart, SrsArm, SwivelCriterion};
 use redundancy_core::velocity::{
-    AccelerationInput, Damping, ExtendedJacobian, Gain, Metric, PrioritizedNullspace, PriorityTask,
-    ProjectedGradient, ReducedGradient, Resolver, SaturatedNullspace, StepInput, WhenBlocked, sigma_min,
+    AccelerationInput, Damping, ExtendedJacobian, Gain, Metric, ProjectedGradient, ReducedGradient, Resolver,
+    SaturatedNullspace, StepInput, WhenBlocked, sigma_min,
 };
 use redundancy_core::{Error, Status};
 

@@ -99,7 +99,7 @@ fn problem(rng: &mut ChaCha8Rng, run: usize) -> Problem {
         }
         stacked = both;
         tasks.push(PriorityTask::Motion { task, link });
-        if run % 5 == 0 {
+        if run.is_multiple_of(5) {
             velocities.push((0..task.dim()).map(|_| speed * rng.random_range(-1.0..1.0)).collect());
             continue;
         }

@@ -229,13 +229,13 @@ impl PyPriorityStep {
         PyArray1::from_slice(py, &self.qd)
     }
 
-    /// `converged`: all scales are 1; `singular`: tasks above leave an error of one; `limits`: limits reduced one.
+    /// `converged`: all scales 1; `singular`: tasks above leave an error of one; `limits`: limits reduced one.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         status_to_py(py, self.status)
     }
 
-    /// One for each task, in [0, 1].
+    /// `(tasks,)`: one for each task, in [0, 1].
     ///
     /// Of an inequality 1 where it holds, else the share of the way back that is made.
     #[getter]
@@ -243,7 +243,7 @@ impl PyPriorityStep {
         PyArray1::from_slice(py, &self.scales)
     }
 
-    /// One for each task, m/s and rad/s: `|J qd - scale v|`, or `|J qd - v|` where no scale was possible.
+    /// `(tasks,)`, m/s and rad/s: `|J qd - scale v|` of each task, or `|J qd - v|` where no scale was possible.
     ///
     /// Of an inequality what is missing.
     #[getter]
