@@ -3885,7 +3885,7 @@ class RetimedTrajectory(Trajectory):
         path_rows: Sequence[int],
         stops: Sequence[int],
         stretched: float,
-        blends: Sequence[int] = ...,
+        blends: Sequence[int] = (),
     ) -> Self: ...
     @property
     def limiting(self) -> list[str | None]:
@@ -3945,6 +3945,11 @@ def retime(
         at_rest: whether the motion starts and ends at rest; otherwise as fast as the limits allow.
         corner_angle: changes of direction in joint space above this angle (rad) are corners, where the arm stops. The
             turning of a smooth curve from row to row does not count.
+        blend: distance (m) from a corner within which the tool may pass it without a stop, on a curve in place of the
+            corner; a turn of the tool counts 0.1 m per radian. The curve takes at most half of the path to the next
+            corner or end and stays within the position limits; where none does, where the path turns back, and where a
+            stop takes less time (short curves with limited jerk), the arm stops. Rows on a curve have the section
+            `blend`; rows of the path that it replaces are moved onto it.
         dt: interval (s) of the rows of the result, which then replace those of the path.
         rows_between: whether rows may be added between those of the path: where the phases of a straight motion
             change, and where rows are sparse. If False, there is one row per row of the path, and the motion may be
@@ -3952,7 +3957,8 @@ def retime(
         gravity: `(3,)`, m/s^2, world axes.
 
     Returns:
-        The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`.
+        The trajectory with `.t`, `.q`, `.qd`, `.section`, with jerk limits `.qdd`, and `.limiting`. Its events name the
+        corners at which the arm stops and those that it passes, and how far from them.
 
     Raises:
         RedundancyError: fewer than two rows, numbers that are not finite, limits that are not positive, a joint with

@@ -223,7 +223,8 @@ def test_units_are_asked_about():
     with pytest.raises(rd.CannotFollowError, match=ask):
         rd.max_speed(arm, millimetres)
     resolver = rd.ProjectedGradient(arm, rd.JointRange(arm), 0.1)
-    run = rd.track(arm, resolver, millimetres, np.full(7, 0.3), 0.1, 1.0)
+    short = rd.paths.circle((500.0, 0.0, 400.0), 2.0, n=20, orientation=tool)
+    run = rd.track(arm, resolver, short, np.full(7, 0.3), 10.0, 0.01)
     assert run.status == "off_path" and re.search(ask, run.reason)
     flow = rd.SwivelFlow(rd.SrsArm(arm), 0.0, rd.Scene([]))
     with pytest.raises(rd.RedundancyError, match=ask):

@@ -367,6 +367,17 @@ def test_placements_are_kept(placed: Any) -> None:
         rd.maps.place(chain, raster().reversed(), refine=0, **options)
 
 
+def test_placements_name_what_they_cannot_read(tmp_path: Path) -> None:
+    chain, options = rd.catalog.load("panda"), {"out": tmp_path / "place.zarr"}
+    area = ((-0.2, 0.2), (0.0, 0.0))
+    with pytest.raises(TypeError, match="chain: expected a Chain or an arm with a closed form, got str"):
+        rd.maps.place("panda", raster(), area, 0.2, 1, **options)
+    with pytest.raises(TypeError, match=r"path: expected a Path or poses \(N, 4, 4\), got NoneType"):
+        rd.maps.place(chain, None, area, 0.2, 1, **options)
+    with pytest.raises(rd.RedundancyError, match=r"path has the shape \(3, 3\)"):
+        rd.maps.place(chain, np.eye(3), area, 0.2, 1, **options)
+
+
 def test_placements_for_single_poses(tmp_path: Path) -> None:
     pytest.importorskip("zarr", reason="needs the extra 'maps'")
     chain = rd.catalog.load("panda")

@@ -154,7 +154,7 @@ def test_accelerations_and_sections_travel(tmp_path: Path) -> None:
     plain.to_npz(tmp_path / "p.npz")
     assert rd.Trajectory.from_npz(tmp_path / "p.npz") == plain != full
     with pytest.raises(
-        rd.RedundancyError, match="unknown section 'middle', expected one of: lead_in, path, lead_out"
+        rd.RedundancyError, match="unknown section 'middle', expected one of: lead_in, path, blend, lead_out"
     ):
         rd.Trajectory(["a", "b"], t, q, section=["middle"] * 4)
     with pytest.raises(rd.RedundancyError, match="section: expected 4 entries, got 3"):

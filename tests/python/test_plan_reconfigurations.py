@@ -140,3 +140,15 @@ def test_no_more_reconfigurations_than_an_exhaustive_search(name: str) -> None:
         if seen == 25:
             break
     assert seen >= len(KNOWN[name])
+
+
+def test_a_closed_path_with_reconfigurations_has_all_its_rows() -> None:
+    chain = rd.catalog.load("panda")
+    poses = straight(chain, np.random.default_rng(KNOWN["panda"][0])).poses
+    closed = rd.Path(np.concatenate([poses, poses[-2::-1]]))
+    plan = rd.plan(chain, closed, cyclic=True, velocity_limits=None, time_limit=60.0)
+    assert plan.status == "infeasible" and not plan.legal
+    assert plan.q.shape == (len(closed), chain.dof) and np.array_equal(plan.q[0], plan.q[-1])
+    assert np.abs(chain.forward(plan.q) - closed.poses).max() < 1e-9
+    jumps = np.flatnonzero(np.abs(np.diff(plan.q, axis=0)).max(axis=1) > STEP) + 1
+    assert set(jumps) <= set(plan.reconfigurations) and plan.reconfigurations

@@ -3,25 +3,23 @@
 use numpy::{PyArray1, PyArrayMethods, PyReadwriteArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use redundancy_core::Error;
 use redundancy_core::kinematics::ToolFreedom;
-use redundancy_core::scene::{LinkGeometry, Surroundings};
 use redundancy_core::solutions::{Capability, CapabilitySettings, Measures, Metric};
-use redundancy_core::{Error, chain::Chain};
 
 use crate::batch::in_blocks;
 use crate::closed_form::read_arm;
 use crate::convert::{Given, Threads, read_poses};
 use crate::error::to_py;
-use crate::links::{PyLinkGeometry, SelfCollision, geometry_of};
+use crate::links::{PyLinkGeometry, SelfCollision};
 use crate::plan::PyToolFreedom;
 use crate::scene::PyScene;
+use crate::velocity::surroundings_of;
 
 /// Poses between two looks at Ctrl-C.
 const BLOCK: usize = 4_096;
 /// The same where a pose takes milliseconds.
 const SLOW_BLOCK: usize = 64;
-/// Radius of joint-to-joint capsules where no shapes are given, m.
-const LINK_RADIUS: f64 = 0.05;
 
 /// One array that is filled.
 enum Column<'py> {
@@ -71,29 +69,6 @@ impl<'py> Column<'py> {
 enum Filled<'a> {
     Flags(&'a mut [bool]),
     Numbers(&'a mut [f64]),
-}
-
-/// What the clearance is kept from; `None` where nothing is given.
-fn surroundings_of(
-    chain: &Chain,
-    scene: Option<&Bound<'_, PyScene>>,
-    links: Option<&Bound<'_, PyLinkGeometry>>,
-    self_collision: Option<SelfCollision>,
-) -> PyResult<Option<Surroundings>> {
-    let given = links.map(|links| geometry_of(links, chain)).transpose()?;
-    let own = SelfCollision::decided(self_collision, given.as_ref())?;
-    if scene.is_none() && !own {
-        return Ok(None);
-    }
-    let geometry = match given {
-        Some(given) => given,
-        None => {
-            let capsules = LinkGeometry::joint_to_joint(chain, LINK_RADIUS).map_err(to_py)?;
-            if own { capsules.with_capsule_pairs(chain).map_err(to_py)? } else { capsules }
-        }
-    };
-    let scene = scene.map(|scene| &scene.get().scene);
-    Surroundings::new(chain, &geometry, scene, own).map(Some).map_err(to_py)
 }
 
 /// What an arm can do at many poses; `redundancy.maps.metrics` and `maps.best_margin` call it.
@@ -161,7 +136,7 @@ pub fn pose_metrics<'py>(
         columns.push(column);
     }
     let freedom = freedom.map_or(ToolFreedom::NONE, |freedom| freedom.get().freedom);
-    let around = surroundings_of(chain, scene.as_deref(), links, self_collision)?;
+    let around = surroundings_of(chain, scene.as_deref(), links, self_collision)?.map(|(around, _)| around);
     let settings = CapabilitySettings { freedom, around, metrics: metrics.clone() };
     let capability = Capability::new(chain, arm.form, settings).map_err(to_py)?;
     let block = if freedom.is_none() && capability.has_closed_form() { BLOCK } else { SLOW_BLOCK };

@@ -24,7 +24,8 @@ pub struct PyRetimed {
 #[pymethods]
 impl PyRetimed {
     #[new]
-    #[pyo3(signature = (trajectory, limiting, path_rows, stops, stretched, blends=Vec::new()))]
+    #[pyo3(signature = (trajectory, limiting, path_rows, stops, stretched, blends=Vec::new()),
+        text_signature = "(trajectory, limiting, path_rows, stops, stretched, blends=())")]
     fn new(
         trajectory: &Bound<'_, PyTrajectory>,
         limiting: Vec<Option<String>>,
@@ -118,7 +119,8 @@ fn words(retimed: &Retimed, names: &[String]) -> Vec<Option<String>> {
 ///     blend: distance (m) from a corner within which the tool may pass it without a stop, on a curve in place of the
 ///         corner; a turn of the tool counts 0.1 m per radian. The curve takes at most half of the path to the next
 ///         corner or end and stays within the position limits; where none does, where the path turns back, and where a
-///         stop takes less time (short curves with limited jerk), the arm stops. Rows on a curve have the section `blend`; rows of the path that it replaces are moved onto it.
+///         stop takes less time (short curves with limited jerk), the arm stops. Rows on a curve have the section
+///         `blend`; rows of the path that it replaces are moved onto it.
 ///     dt: interval (s) of the rows of the result, which then replace those of the path.
 ///     rows_between: whether rows may be added between those of the path: where the phases of a straight motion
 ///         change, and where rows are sparse. If False, there is one row per row of the path, and the motion may be

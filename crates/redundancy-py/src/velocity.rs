@@ -768,7 +768,7 @@ impl PySaturatedNullspace {
 }
 
 /// What a scene and links make, and whether links are looked at; `None` without either.
-fn surroundings_of(
+pub(crate) fn surroundings_of(
     chain: &Chain,
     scene: Option<&Bound<'_, PyScene>>,
     links: Option<&Bound<'_, PyLinkGeometry>>,

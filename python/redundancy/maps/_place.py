@@ -209,9 +209,11 @@ def place(
         >>> job = rd.maps.place(chain, path, ((-0.3, 0.3), (-0.3, 0.3)), 0.1, 4)  # doctest: +SKIP
         >>> job.placements[0].base  # doctest: +SKIP
     """
-    plain = chain if isinstance(chain, _core.Chain) else chain.chain
+    plain = chain if isinstance(chain, _core.Chain) else getattr(chain, "chain", None)
+    if not isinstance(plain, _core.Chain):
+        raise TypeError(f"chain: expected a Chain or an arm with a closed form, got {type(chain).__name__}")
     is_path = isinstance(path, _core.Path)
-    poses = np.asarray(path.poses if is_path else path, dtype=float).reshape(-1, 4, 4)
+    poses = _poses(path.poses if is_path else path)
     shifts = _grid(region, spacing, yaw_steps)
     question = _Question(plain, path if is_path else None, poses, freedom, plan_options)
     provenance = {
@@ -235,6 +237,18 @@ def place(
     placements = search.placements()
     best = [p for p in placements if p.status is Status.CONVERGED][:KEPT]
     return PlacementJob(file, status, placements, search.planned, best)
+
+
+def _poses(poses: ArrayLike) -> NDArray[np.float64]:
+    try:
+        rows = np.asarray(poses, dtype=float)
+    except (TypeError, ValueError):
+        rows = np.empty(())
+    if rows.ndim == 0:
+        raise TypeError(f"path: expected a Path or poses (N, 4, 4), got {type(poses).__name__}")
+    if rows.shape[-2:] != (4, 4) or rows.ndim > 3 or not rows.size:
+        raise RedundancyError(f"path has the shape {rows.shape}, expected a Path or poses (N, 4, 4), N >= 1")
+    return rows.reshape(-1, 4, 4)
 
 
 def _grid(region: ArrayLike, spacing: float, yaw_steps: int) -> list[tuple[float, float, float, float]]:

@@ -61,13 +61,13 @@ pub(super) fn plan(demand: &Demand, path: &Path, outcome: Outcome) -> Result<Pla
             let (status, why) = first.map_or((Status::Infeasible, String::new()), |point| {
                 (point.status, format!("point {}: {}", point.row, point.reason))
             });
-            let verb = if count == 1 { "point has" } else { "points have" };
+            let verb = if count == 1 { "has" } else { "have" };
             let what = if status == Status::Collision {
                 "no configuration without contact"
             } else {
                 "no configuration"
             };
-            let reason = format!("{count} of {total} {verb} {what}; the first is {why}");
+            let reason = format!("{count} of {total} points {verb} {what}; the first is {why}");
             PlanBuilder::without_rows(names(), status)?
                 .reason(reason)
                 .asking_about_units(&demand.chain, path)
