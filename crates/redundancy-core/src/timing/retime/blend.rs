@@ -12,6 +12,7 @@ use super::settings::RetimeSettings;
 use super::stretch::{Origin, Stretch};
 use super::verify::Motion;
 use crate::chain::Chain;
+use crate::error::Result;
 use crate::kinematics::Scratch;
 use crate::pose::Pose;
 use crate::tolerance::{RETIME_BLEND_PARTS, RETIME_BLEND_TRIALS, RETIME_BLEND_TURN, TURN_LENGTH};
@@ -43,12 +44,14 @@ pub(super) type Passed = (Motion, f64, Vec<Blend>);
 ///
 /// A corner is passed where that takes less time than a stop there: with limited jerk a short curve may take more. Corners
 /// are compared one by one, each between its two legs, and then each group with its legs run one by one.
+///
+/// `solve` times a stretch that replaces the legs of a range.
 pub(super) fn passed(
     chain: &Chain,
     legs: &[Option<Stretch>],
     alone: &[Option<(Motion, f64)>],
     settings: &RetimeSettings,
-    rest: &dyn Fn(usize, usize) -> [bool; 2],
+    solve: &dyn Fn(&Stretch, [usize; 2]) -> Result<(Motion, f64)>,
 ) -> Vec<(usize, Option<Passed>)> {
     let faster = |first: usize, behind: usize| {
         let mut stopping = 0.0;
@@ -57,7 +60,7 @@ pub(super) fn passed(
         }
         let (stretch, blends) = joined(chain, &legs[first..behind], settings)?;
         // Where the curve allows no motion at all the arm stops at the corner.
-        let (motion, factor) = super::solve(chain, &stretch, settings, rest(first, behind)).ok()?;
+        let (motion, factor) = solve(&stretch, [first, behind]).ok()?;
         (motion.duration() < stopping).then_some((motion, factor, blends))
     };
     let mut groups = Vec::new();

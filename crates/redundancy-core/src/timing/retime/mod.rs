@@ -156,7 +156,9 @@ fn timed(chain: &Chain, q: &[f64], settings: &RetimeSettings) -> Result<Timed> {
     }
     let (mut stops, mut blends) = (Vec::new(), Vec::new());
     let mut index = 0;
-    for (behind, passed) in blend::passed(chain, &legs, &alone, settings, &rest) {
+    let timed =
+        |stretch: &Stretch, [first, behind]: [usize; 2]| solve(chain, stretch, settings, rest(first, behind));
+    for (behind, passed) in blend::passed(chain, &legs, &alone, settings, &timed) {
         if index > 0 {
             stops.push(cuts[index]);
         }
