@@ -53,7 +53,7 @@ use crate::task::read_task;
 /// Example:
 ///     >>> import redundancy as rd
 ///     >>> arm = rd.catalog.load("iiwa14")
-///     >>> scheme = rd.PrioritizedNullspace(arm, [("position", None), ("position", "iiwa_link_4")])
+///     >>> scheme = rd.PrioritizedNullspace(arm, [("position", None), ("position", "link_4")])
 ///     >>> q = [0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4]
 ///     >>> scheme.step(q, [[0.1, 0, 0], [0, 0, 0.05]], 0.01).scales
 ///     array([1., 1.])
