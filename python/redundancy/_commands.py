@@ -1042,7 +1042,10 @@ def plan_job(job: _plan.Job) -> None:
 
 @app.command()
 def explore(
-    robot: Annotated[str, typer.Option(help="Name from `redundancy robots`, or a URDF file.")],
+    robot: Annotated[
+        str | None,
+        typer.Option(help="Name from `redundancy robots`, or a URDF file; by default the arm of --map."),
+    ] = None,
     path: Annotated[File | None, typer.Option(help="CSV of a path, as for `redundancy plan`.")] = None,
     plan: Annotated[
         list[File] | None,
@@ -1059,6 +1062,9 @@ def explore(
     collision: CollisionOption = "capsules",
     srdf: SrdfOption = None,
     package_dir: PackageOption = None,
+    capability: Annotated[
+        File | None, typer.Option("--map", help="Folder of `redundancy map`: slices of it are shown.")
+    ] = None,
     port: Annotated[
         int,
         typer.Option(
@@ -1076,9 +1082,16 @@ def explore(
 
     Example:  redundancy explore --robot panda
     Example:  redundancy explore --robot panda --path path.csv --plan run/plan.npz --scene scene.json
+    Example:  redundancy explore --map iiwa.zarr
     """
+    found = None if capability is None else rd.maps.open(capability)
+    if robot is not None:
+        chain = with_tool(load_robot(robot, base, tip), tool)
+    elif found is not None:
+        chain = with_tool(found.chain, tool)
+    else:
+        raise rd.RedundancyError("give --robot, or --map with a folder of `redundancy map`")
     bodies = bodies_of(collision, srdf, package_dir)
-    chain = with_tool(load_robot(robot, base, tip), tool)
     turning = _plan.spin_of(spin)
     freedom = None
     if half_angle != 0.0 or turning != 0.0:
@@ -1089,16 +1102,19 @@ def explore(
             None if path is None else rd.Path.from_csv(path),
             [rd.Plan.from_npz(file) for file in plan or []],
             None if obstacles is None or collision == "none" else rd.Scene.from_json(obstacles),
-            bodies.links(robot, chain),
+            None if robot is None else bodies.links(robot, chain),
             port,
             open_browser,
             host=host,
             freedom=freedom,
+            capability=found,
         )
+    except ValueError as error:  # a plan or a map of another arm
+        raise rd.RedundancyError(str(error)) from error
     except ImportError as error:
         raise rd.RedundancyError(str(error)) from error
-    _out.print(f"{view.url}  (Ctrl-C to stop)", soft_wrap=True)
     try:
+        _out.print(f"{view.url}  (Ctrl-C to stop)", soft_wrap=True)
         view.wait()
     except KeyboardInterrupt:
         pass
@@ -1302,6 +1318,9 @@ def _show_slice(found: Any) -> None:
     most = max(float(middle.max()), 1e-12)
     for row in middle.T[::-1]:
         _out.print("".join("." if v <= 0 else str(min(9, int(10 * v / most))) for v in row), markup=False)
+    _out.print(
+        f"all slices in the browser: redundancy explore --map {escape(str(found.path))}", soft_wrap=True
+    )
     _out.print(f"{metric}, plane across y, x to the right, z upwards; 9 is {most:.3f}", markup=False)
 
 

@@ -11,6 +11,7 @@ import redundancy as rd
 from redundancy.explorer import pictures
 from redundancy.explorer.arm import Body
 from redundancy.explorer.mailbox import Mailbox
+from redundancy.explorer.map_model import MapModel
 from redundancy.explorer.model import PoseModel, RefusedError, inside
 from redundancy.explorer.path_model import PathModel, merged
 from redundancy.explorer.scene_model import SceneModel
@@ -380,6 +381,107 @@ def test_ticks_keep_their_rate_and_end():
     assert isinstance(failures[0], ZeroDivisionError)
 
 
+# --- map ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    pytest.importorskip("zarr", reason="the extra 'maps' is not installed")
+    folder = tmp_path_factory.mktemp("maps") / "iiwa.zarr"
+    chain = rd.catalog.load("iiwa14")
+    metrics = ("reachable", "margin", "swivel_measure", "manipulability")
+    rd.maps.capability(chain, out=folder, spacing=0.3, directions=8, metrics=metrics)
+    return folder
+
+
+def test_slices_hold_the_reached_cells_and_their_values(store):
+    chain, found = rd.catalog.load("iiwa14"), rd.maps.open(store)
+    model = MapModel(chain, found)
+    values = {
+        name: np.concatenate([found.chunk(k)[name] for k in range(len(found.done))]) for name in found.metrics
+    }
+    reached = values["reachable"].any(axis=1).reshape(found.shape)
+    share = found.share("reachable")
+    margin = np.where(values["reachable"], values["margin"], -np.inf).max(axis=1).reshape(found.shape)
+    assert 0.0 < reached.mean() < 1.0
+    seen = 0
+    for axis, name in enumerate("xyz"):
+        for level in range(found.shape[axis]):
+            model.cut(name, float(model.levels(axis)[level]))
+            assert model.index == level
+            here = tuple(level if k == axis else slice(None) for k in range(3))
+            for layer, wanted in (
+                ("reachable: share of the directions", share),
+                ("margin: best direction", margin),
+            ):
+                model.choose(layer)
+                places, shown = model.cells()
+                assert len(places) == reached[here].sum()
+                np.testing.assert_allclose(shown, wanted[here][reached[here]])
+                np.testing.assert_array_equal(
+                    places, found.positions.reshape(*found.shape, 3)[here][reached[here]]
+                )
+            seen += len(places)
+    assert seen == 3 * reached.sum()
+    # What is shown is what the core says of the poses there.
+    model.choose("margin: best direction")
+    model.cut("y", 0.0)
+    places, shown = model.cells()
+    poses = np.concatenate([found.poses(k) for k in range(len(found.done))])
+    at = poses[np.abs(poses[:, :3, 3] - places[0]).max(axis=1) < 1e-9]
+    assert shown[0] == pytest.approx(rd.maps.best_margin(chain, at).max(), abs=1e-6)
+
+
+def test_colours_follow_the_values():
+    values = np.linspace(-2.0, 5.0, 200)
+    colours = pictures.ramp(values, -2.0, 5.0).astype(float)
+    lightness = colours @ (0.2126, 0.7152, 0.0722)
+    # Never darker, up to the rounding of two colours to bytes: told apart without hues.
+    assert (np.diff(lightness) >= -1.0).all()
+    assert lightness[-1] - lightness[0] > 120.0
+    np.testing.assert_array_equal(pictures.ramp(np.array([-9.0, 9.0]), -2.0, 5.0), colours[[0, -1]])
+    assert "margin" in pictures.colour_bar("margin (rad)", 0.0, 1.5)
+    assert pictures.ramp(np.array([1.0]), 1.0, 1.0).shape == (1, 3)
+
+
+def test_maps_that_cannot_be_shown_are_refused(store):
+    found = rd.maps.open(store)
+    with pytest.raises(RefusedError, match="7 joints, this arm 'ur5e' has 6"):
+        MapModel(rd.catalog.load("ur5e"), found)
+    with pytest.raises(RefusedError, match="limits"):
+        MapModel(rd.catalog.load("panda"), found)
+    moved = rd.catalog.load("iiwa14").with_base(rd.pose((0.1, 0.0, 0.0)))
+    with pytest.raises(RefusedError, match="tool is elsewhere"):
+        MapModel(moved, found)
+    model = MapModel(rd.catalog.load("iiwa14"), found)
+    for bad in (np.nan, "x", None):
+        with pytest.raises(RefusedError):
+            model.cut("x", bad)
+    with pytest.raises(RefusedError, match="no axis"):
+        model.cut("w", 0.0)
+    with pytest.raises(RefusedError, match="no layer"):
+        model.choose("luck")
+    assert "no map" in MapModel(rd.catalog.load("iiwa14")).words()
+
+
+def test_the_state_holds_the_slice(store):
+    pytest.importorskip("viser", reason="the extra 'explorer' is not installed")
+    with rd.explore(rd.catalog.load("iiwa14"), port=0, open_browser=False, capability=store) as view:
+        view.call(lambda: view.map_panel.turn("x"))
+        view.call(lambda: view.map_panel.choose("manipulability: best direction"))
+        view.call(lambda: view.map_panel.cut(0.35))
+        text, at = view.state(), view.map.at
+        view.call(lambda: view.map_panel.turn("z"))
+        view.load(text)
+        assert (view.map.axis, view.map.at, view.map.layer) == (0, at, "manipulability: best direction")
+        for change in ({"axis": "w"}, {"at": float("nan")}, {"layer": 3}, 5):
+            values = json.loads(text)
+            values["map"] = values["map"] | change if isinstance(change, dict) else change
+            with pytest.raises(ValueError):
+                view.load(json.dumps(values))
+        assert view.state() == text
+
+
 # --- the page -----------------------------------------------------------------------------------------------
 
 
@@ -554,6 +656,15 @@ def test_the_command_serves_until_it_is_interrupted(tmp_path):
         process.stdout.close()
 
 
+def test_the_command_wants_an_arm_or_a_map(capsys, store):
+    from redundancy import _commands
+
+    assert _commands.run(["explore", "--no-browser"]) == 2
+    assert "--robot, or --map" in capsys.readouterr().err
+    assert _commands.run(["explore", "--robot", "ur5e", "--map", str(store), "--no-browser"]) == 2
+    assert "this arm 'ur5e' has 6" in " ".join(capsys.readouterr().err.split())
+
+
 def test_malformed_messages_end_nothing(view):
     import msgspec
     import viser
@@ -720,19 +831,20 @@ def test_a_soak_leaves_no_queue_and_no_memory(view):
         wanted = np.array(position)
         ticker = view.servo_panel.ticker
         assert view.servo_running
-        for _ in range(1000):
+        for _ in range(200):
             view.settle()
-            here = np.allclose(view.servo.target[:3, 3], wanted, atol=MET)
-            if here and view.servo.latest.position_error < 0.1 * MET:
+            if np.allclose(view.servo.target[:3, 3], wanted, atol=MET):
                 break
             threading.Event().wait(0.02)
+        np.testing.assert_allclose(view.servo.target[:3, 3], wanted, atol=MET)
         view.call(lambda: view.servo_panel.switch(False))
-        np.testing.assert_allclose(view.pose.target[:3, 3], wanted, atol=MET)
+        np.testing.assert_allclose(view.pose.q, view.servo.latest.q, atol=MET)
     reader.join(10.0)
     assert moves > 20
     assert waiting <= 3
     np.testing.assert_allclose(view.pose.chain.forward(view.pose.q), view.pose.target, atol=MET)
     assert not ticker.running
+    assert (ticker.ticks + ticker.dropped) * ticker.dt > 0.4 * length
     if full:
         print(
             f"{moves} moves, {ticker.ticks} ticks, at most {1e3 * ticker.late:.1f} ms late, {ticker.dropped} dropped"

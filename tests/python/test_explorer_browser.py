@@ -38,13 +38,28 @@ def chromium():
 
 
 @pytest.fixture(scope="module")
-def view():
+def store(tmp_path_factory):
+    """A map of three planes beside each other; finer for the pictures of the documentation."""
+    pytest.importorskip("zarr", reason="the extra 'maps' is not installed")
+    folder, chain = tmp_path_factory.mktemp("maps") / "iiwa.zarr", rd.catalog.load("iiwa14")
+    spacing = 0.05 if os.environ.get("REDUNDANCY_DOCS_IMAGES") == "1" else 0.1
+    region = ((-1.0, 1.0), (-spacing, spacing), (-0.4, 1.4))
+    rd.maps.capability(
+        chain, out=folder, spacing=spacing, directions=12, metrics=("reachable", "margin"), region=region
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def view(store):
     chain = rd.catalog.load("iiwa14")
     path = rd.paths.raster((0.5, -0.1, 0.4), 0.25, 0.08, 3, orientation=DOWN, step=0.01)
     scene = rd.Scene([rd.Sphere((0.42, -0.42, 0.55), 0.09, name="ball")])
     plan = rd.plan(chain, path, scene=scene)
-    shown = rd.explore(chain, path=path, plan=plan, scene=scene, port=0, open_browser=False)
+    shown = rd.explore(chain, path=path, plan=plan, scene=scene, port=0, open_browser=False, capability=store)
     with shown:
+        shown.map_panel.shown.value = False
+        shown.call(shown.map_panel.push)
         yield shown
 
 
@@ -209,10 +224,71 @@ def test_an_obstacle_is_moved_and_the_path_planned_again(page, view):
     assert eventually(lambda: view.path.lines[0] is not before)
     near = view.scene.scene.clearance(view.pose.chain, view.path.lines[0].q)
     assert near.distance.min() > 0.0
-    field.fill("0")
-    field.press("Enter")
-    page.page.get_by_text("the size is 0 m").wait_for()
-    assert view.scene.scene.obstacles[0].radius == 0.12
+    for entered, said in (("0", "the size is 0 m"), ("1000000000", "the size is 1e+09 m")):
+        field.fill(entered)
+        field.press("Enter")
+        page.page.get_by_text(said).wait_for()
+        assert view.scene.scene.obstacles[0].radius == 0.12
+
+
+def test_what_a_client_sent_wrong_is_said_in_every_page(page, view):
+    import msgspec
+    import viser
+    from websockets.sync.client import connect
+
+    name, nan = "/obstacle_gizmo", float("nan")
+    bad = {
+        "type": "TransformControlsUpdateMessage",
+        "name": name,
+        "wxyz": [1, 0, 0, 0],
+        "position": [nan, 0, 0],
+    }
+    address, scene = view.url.replace("http", "ws"), view.scene.scene
+    with connect(address, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as socket:
+        socket.send(msgspec.msgpack.encode(bad))
+        page.page.get_by_text("position is not finite (nan)").wait_for()
+        for _ in range(1000):
+            socket.send(b"\xc1 nonsense")
+        page.page.get_by_text("a message that cannot be decoded").wait_for()
+    assert view.scene.scene is scene
+    view.call(lambda: view.notice(""))
+
+
+def test_a_slice_of_the_map_is_drawn(page, view):
+    page.tab("Map")
+    page.page.get_by_label("show the slice").check()
+    assert eventually(lambda: view.server.scene.get_handle_by_name("/map") is not None)
+    found = view.map.found
+    rows = [found.chunk(k) for k in range(len(found.done))]
+    good = np.concatenate([row["reachable"] for row in rows])
+    share = good.mean(axis=1).reshape(found.shape)
+    margin = np.where(good, np.concatenate([row["margin"] for row in rows]), -np.inf).max(axis=1)
+    margin = margin.reshape(found.shape)
+    page.page.get_by_text("cells of this slice are reached within the joint limits").wait_for()
+    assert page.page.get_by_role("img", name="reachable: share of the directions").count() == 1
+    for k, at in enumerate(view.map.levels(1)):
+        page.input("at (m)").fill(f"{at:.4f}")
+        page.input("at (m)").press("Enter")
+        assert eventually(lambda k=k: view.map.index == k)
+        view.settle()
+        node = view.server.scene.get_handle_by_name("/map")
+        reached = share[:, k] > 0.0
+        assert len(node.points) == reached.sum()
+        # Colours follow the values: never darker for a larger one, and equal for equal ones.
+        order = np.argsort(share[:, k][reached], kind="stable")
+        lightness = node.colors[order].astype(float) @ (0.2126, 0.7152, 0.0722)
+        assert (np.diff(lightness) >= -1.0).all()
+        np.testing.assert_allclose(node.points[:, 1], at, atol=1e-6)
+    page.page.get_by_label("colour by").click()
+    page.page.get_by_role("option", name="margin: best direction").click()
+    page.page.get_by_role("img", name="margin: best direction (rad)").wait_for()
+    view.settle()
+    node = view.server.scene.get_handle_by_name("/map")
+    order = np.argsort(margin[:, -1][share[:, -1] > 0.0], kind="stable")
+    lightness = node.colors[order].astype(float) @ (0.2126, 0.7152, 0.0722)
+    assert (np.diff(lightness) >= -1.0).all()
+    page.page.get_by_label("show the slice").uncheck()
+    assert eventually(lambda: view.server.scene.get_handle_by_name("/map") is None)
 
 
 def test_an_obstacle_is_dragged_by_the_mouse(page, view):
@@ -310,6 +386,13 @@ def test_the_files(page, view, tmp_path):
     assert np.ptp(imageio.v3.imread(content)) > 50  # something is drawn
 
 
+def show_slice(view, wanted):
+    """The middle slice of the map, or none."""
+    view.map_panel.shown.value = wanted
+    view.map.choose("reachable: share of the directions")
+    view.map_panel.cut(0.0)
+
+
 def stream(view):
     """Let the servo follow a moving gizmo for a second."""
     view.call(lambda: view.servo_panel.switch(True))
@@ -326,9 +409,10 @@ def test_pictures_of_each_mode(page, view, tmp_path):
     view.call(lambda: view.path_panel.seek(0.55 * view.path.duration))
     opened = page
     opened.page.set_viewport_size({"width": 1280, "height": 800})
-    for mode in ("Pose", "Path", "Scene", "File", "Servo"):
+    for mode in ("Pose", "Path", "Scene", "File", "Map", "Servo"):
         opened.tab(mode)
         view.call(lambda mode=mode: view.scene_panel.select("ball" if mode == "Scene" else "none"))
+        view.call(lambda mode=mode: show_slice(view, mode == "Map"))
         if mode == "Servo":
             stream(view)
         opened.quiet().frames(4)

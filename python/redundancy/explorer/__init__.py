@@ -6,6 +6,7 @@ redundancy[explorer]`), which is imported when it is called.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import redundancy as rd
@@ -29,6 +30,7 @@ def explore(
     q: Any = None,
     freedom: rd.ToolFreedom | None = None,
     task: str | None = None,
+    capability: Any = None,
 ) -> View:
     """Show an arm and its freedom in the browser; returns at once, the page is served until `close()`.
 
@@ -44,13 +46,15 @@ def explore(
         q: Configuration `(n,)` to begin with, rad or m.
         freedom: How far the tool may tilt and spin against the gizmo, and in plans.
         task: Which coordinates of the pose count, by name; all by default.
+        capability: A map of `redundancy.maps.capability`, or its folder: slices of it are shown as coloured points.
 
     Returns:
         The view, with `.url` and `.close()`.
 
     Raises:
         ImportError: The extra `explorer` is missing.
-        RedundancyError: An arm with more than one spare freedom at a fixed tool.
+        RedundancyError: An arm with more than one spare freedom at a fixed tool; no map in that folder.
+        ValueError: A plan or a map of another arm.
 
     Example:
         >>> import redundancy as rd
@@ -63,6 +67,7 @@ def explore(
         missing = "rd.explore needs the extra 'explorer': pip install redundancy[explorer]"
         raise ImportError(f"{missing} ({error})") from error
 
+    from redundancy.explorer.map_model import MapModel  # noqa: PLC0415
     from redundancy.explorer.model import PoseModel  # noqa: PLC0415
     from redundancy.explorer.path_model import PathModel  # noqa: PLC0415
     from redundancy.explorer.scene_model import SceneModel  # noqa: PLC0415
@@ -70,12 +75,14 @@ def explore(
     arm = getattr(chain, "chain", chain)
     plans = [] if plan is None else [plan] if isinstance(plan, rd.Plan) else list(plan)
     obstacles = SceneModel(scene)
+    found = rd.maps.open(capability) if isinstance(capability, str | os.PathLike) else capability
     out = viewing.View(
         PoseModel(arm, q, obstacles.scene, links, freedom, task),
         PathModel(arm, path, plans, links, freedom, task),
         obstacles,
         host,
         port,
+        MapModel(arm, found),
     )
     if open_browser:
         viewing.show_in_browser(out.url)

@@ -39,6 +39,8 @@ class Facts:
     self_clearance: tuple[float, str, str] | None = None
     nearest: tuple[Array, Array] | None = None
     """The nearest points of arm and obstacles."""
+    nearest_of_links: list[tuple[Array, Array]] = field(default_factory=list)
+    """The nearest points of every other link and the obstacles."""
 
 
 class PoseModel:
@@ -278,16 +280,19 @@ class PoseModel:
         }
         measure, sigma = self._measures()
         clearances: dict[str, float] = {}
-        between = None
+        between, others = None, []
         if self.scene is not None and len(self.scene):
             near = self.scene.clearance(self.chain, self.q, self.shapes)
             clearances = {name: float(one.distance) for name, one in near.by_link.items()}
             between = (near.on_link, near.on_obstacle)
+            others = [
+                (one.on_link, one.on_obstacle) for name, one in near.by_link.items() if name != near.link
+            ]
         own = None
         if self.links is not None and self.links.pairs:
             self_near = self.links.self_clearance(self.q)
             own = (float(self_near.distance), str(self_near.first), str(self_near.second))
-        return Facts(margins, measure, sigma, self._kind(), clearances, own, between)
+        return Facts(margins, measure, sigma, self._kind(), clearances, own, between, others)
 
     @property
     def shapes(self) -> rd.LinkGeometry | float:

@@ -119,7 +119,7 @@ class PathPanel:
         """Plan the path on a thread of its own; a plan in progress is cancelled first."""
         self.cancel()
         self._cancel = cancel = threading.Event()
-        self.progress.value = 0.0
+        self._show_progress(0.0)
         scene = self.view.pose.scene
         self.planner.post("plan", lambda: self._plan(scene, cancel))
 
@@ -131,7 +131,7 @@ class PathPanel:
         def report(share: float) -> None:
             if cancel.is_set() or self.view.closed:
                 raise CancelledError
-            self.progress.value = 100.0 * share
+            self._show_progress(share)
 
         try:
             report(0.0)
@@ -141,9 +141,13 @@ class PathPanel:
         else:
             self.view.post("planned", lambda: None if cancel.is_set() else self.take(plan))
 
+    def _show_progress(self, share: float) -> None:
+        for bar in (self.progress, self.view.scene_panel.progress):
+            bar.value = 100.0 * share
+
     def take(self, plan: rd.Plan) -> None:
         """Show a plan that was just made."""
-        self.progress.value = 100.0
+        self._show_progress(1.0)
         if not len(plan):
             self.view.notice(f"no plan: {plan.reason or plan.status}")
             return
@@ -208,6 +212,8 @@ class PathPanel:
             return
         colour = pictures.INK if all(line.plan.legal for line in model.lines) else pictures.VERMILION
         self.status.content = paragraph(model.words(), colour)
+        if self.view.ready:
+            self.view.scene_panel.show_plan()
         self._push_map()
         at = model.time
         self.strips.content = "".join(

@@ -11,6 +11,8 @@ from redundancy.explorer.arm import Array
 # Colours that colour-blind readers tell apart [Okabe, Ito]; each has a contrast of 3 or more with white.
 BLUE, ORANGE, VERMILION, GREEN, GREY, INK = "#0072b2", "#b36b00", "#c04a00", "#007d5c", "#b9bec4", "#24292f"
 LIGHT = "#e6e8eb"
+RAMP = ("#2b1a5e", "#2a4d9b", "#1f83a8", "#35a87a", "#a3b83a", "#f0b000")
+"""Colours of values from low to high: their lightness grows, so that they can be told apart without hues."""
 
 WIDTH = 340
 """Width of a drawing, pixels."""
@@ -58,6 +60,30 @@ def rect(x: float, y: float, width: float, height: float, colour: str) -> str:
     """A filled rectangle; never thinner than half a pixel, or it could not be seen."""
     box = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0.5):.2f}" height="{height:.2f}"'
     return f'<rect {box} fill="{colour}" shape-rendering="crispEdges"/>'
+
+
+def ramp(values: Array, low: float, high: float) -> NDArray[np.uint8]:
+    """Colours `(N, 3)` of values: from dark blue for `low` to amber for `high`, ever lighter on the way."""
+    share = np.clip((np.asarray(values, dtype=float) - low) / max(high - low, 1e-300), 0.0, 1.0)
+    stops = np.array([rgb(colour) for colour in RAMP], dtype=float)
+    at = np.linspace(0.0, 1.0, len(stops))
+    out = np.column_stack([np.interp(share, at, stops[:, k]) for k in range(3)])
+    colours: NDArray[np.uint8] = np.rint(out).astype(np.uint8)
+    return colours
+
+
+def colour_bar(title: str, low: float, high: float) -> str:
+    """What the colours of `ramp` mean."""
+    top, inner, steps = 18.0, 14.0, 64
+    left, room = 6.0, WIDTH - 12.0
+    parts = [text(left, 11, title, weight="600")]
+    colours = ramp(np.linspace(0.0, 1.0, steps), 0.0, 1.0)
+    for k, (r, g, b) in enumerate(colours):
+        parts.append(rect(left + room * k / steps, top, room / steps + 0.5, inner, f"#{r:02x}{g:02x}{b:02x}"))
+    y = top + inner + 13
+    parts += [text(left, y, f"{low:.3g}"), text(left + room, y, f"{high:.3g}", "end")]
+    parts.append(text(left + room / 2, y, f"{0.5 * (low + high):.3g}", "middle"))
+    return figure(WIDTH, y + 4, parts, title)
 
 
 def within_turn(arcs: Array, closed: bool) -> list[tuple[float, float]]:

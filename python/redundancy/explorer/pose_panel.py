@@ -229,7 +229,7 @@ class PosePanel:
                 [row], 0, model.spin, "reachable within the limits (samples)"
             )
         facts = model.facts()
-        self.view.nearest_line(facts.nearest)
+        self.view.nearest_line(facts.nearest, facts.nearest_of_links)
         self.facts.content = self._figures(facts)
 
     def _figures(self, facts: Any) -> str:

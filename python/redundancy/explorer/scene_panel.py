@@ -37,6 +37,9 @@ class ScenePanel:
         self.sizes = [gui.add_number(f"size {k + 1}", 0.1, step=0.001, visible=False) for k in range(3)]
         self.remove = gui.add_button("remove it", disabled=True)
         self.replan = gui.add_checkbox("re-plan on change", True)
+        self.progress = gui.add_progress_bar(0.0)
+        self.cancel = gui.add_button("cancel the plan")
+        self.outcome = gui.add_html("")
         self.gizmo = scene.add_transform_controls(
             "/obstacle_gizmo",
             scale=0.22 * view.pose.body.reach,
@@ -62,6 +65,10 @@ class ScenePanel:
         @self.remove.on_click
         async def _(_: Any) -> None:
             view.post("remove", self.remove_one)
+
+        @self.cancel.on_click
+        async def _(_: Any) -> None:
+            view.path_panel.cancel()
 
         @self.gizmo.on_update
         async def _(event: Any) -> None:
@@ -156,6 +163,12 @@ class ScenePanel:
         count = len(model.obstacles)
         words = "no obstacles" if count == 0 else f"{count} obstacle{'' if count == 1 else 's'}"
         self.status.content = paragraph(f"{words}; choose one to drag and resize it", pictures.INK)
+
+    def show_plan(self) -> None:
+        """What became of the plan for these obstacles."""
+        model = self.view.path
+        good = all(line.plan.legal for line in model.lines)
+        self.outcome.content = paragraph(model.words(), pictures.INK if good else pictures.VERMILION)
 
     def carry(self, q: Any) -> None:
         """Draw obstacles that a link carries where the link is."""

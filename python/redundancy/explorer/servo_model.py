@@ -18,6 +18,10 @@ WITHOUT_SPEED = 10.0
 """Acceleration limit of a joint without any other limit, rad/s^2 or m/s^2."""
 JERK = 20.0
 """Jerk limits, as accelerations per second: the acceleration builds up within a twentieth of a second."""
+STILL = 1e-3
+"""Largest share of a joint's speed limit at which the arm is said to stand still."""
+FAR = 1e-3
+"""Distance from the target that is worth a word when the arm stands still, m."""
 KEPT_SECONDS = 10.0
 """Length of the history."""
 KEPT_EVERY = 4
@@ -85,6 +89,7 @@ class ServoModel:
                 self.dt,
                 acceleration_limits=self.acceleration_limits,
                 jerk_limits=self.jerk_limits,
+                target_noise=None,
             )
             servo.reset(start)
         except rd.RedundancyError as error:
@@ -161,7 +166,10 @@ class ServoModel:
             "limits": "a joint limit keeps the tool away from the target",
             "no_target": "no target",
         }.get(now.status, now.status)
-        return f"{now.status}: {now.reason or meaning}"
+        words = f"{now.status}: {now.reason or meaning}"
+        if self._speed(now) < STILL and now.position_error > FAR:
+            words += f"; the arm stands still {1e3 * now.position_error:.0f} mm from the target"
+        return words
 
 
 def limit_words(limits: list[tuple[str, str, str]]) -> str:

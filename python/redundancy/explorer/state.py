@@ -1,9 +1,11 @@
 """The state of the page as JSON, and back."""
 
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import redundancy as rd
+from redundancy.explorer.map_model import AXES
 from redundancy.explorer.model import RefusedError, checked_pose, checked_q, finite
 from redundancy.explorer.path_model import checked_speed
 
@@ -18,7 +20,7 @@ LONGEST = 8_000_000
 def to_json(view: "View") -> str:
     """Everything that a user changed, as JSON text."""
     pose = view.pose
-    out = {
+    out: dict[str, Any] = {
         "redundancy_explorer": VERSION,
         "robot": pose.chain.name,
         "joint_names": pose.chain.joint_names,
@@ -34,6 +36,13 @@ def to_json(view: "View") -> str:
         "time": view.path.time,
         "speed": view.path.speed,
     }
+    if view.map.found is not None:
+        out["map"] = {
+            "layer": view.map.layer,
+            "axis": AXES[view.map.axis],
+            "at": view.map.at,
+            "shown": bool(view.map_panel.shown.value),
+        }
     return json.dumps(out, indent=2, allow_nan=False)
 
 
@@ -63,6 +72,7 @@ def load(view: "View", text: str) -> None:
         scene = rd.Scene.from_json_string(json.dumps(values.get("scene", {"obstacles": []})))
     except rd.RedundancyError as error:
         raise RefusedError(f"the scene of the state: {error}") from error
+    restore_map = checked_map(view, values.get("map"))
     view.path_panel.cancel()  # a plan in progress is for other obstacles
     view.take_the_arm()
     view.scene.set_scene(scene)
@@ -74,7 +84,30 @@ def load(view: "View", text: str) -> None:
     view.path.set_speed(speed)
     view.path.set_time(time)
     view.pose_panel.show_ghosts.value = bool(values.get("ghosts", True))
+    restore_map()
     view.show_everything()
+
+
+def checked_map(view: "View", values: Any) -> Callable[[], None]:
+    """What restores the slice of the map; a page without a map has none to restore."""
+    model = view.map
+    if values is None or model.found is None:
+        return lambda: None
+    if not isinstance(values, dict):
+        raise RefusedError(f"the map of the state is no object: {str(values)[:40]}")
+    layer, axis = str(values.get("layer", model.layer)), str(values.get("axis", AXES[model.axis]))
+    at = float(finite(values.get("at", model.at), (), "the place of the slice"))
+    if layer not in model.layers or axis not in AXES:
+        raise RefusedError(
+            f"the state shows '{layer[:40]}' across '{axis[:8]}', which this map does not have"
+        )
+
+    def restore() -> None:
+        model.choose(layer)
+        model.cut(axis, at)
+        view.map_panel.shown.value = bool(values.get("shown", True))
+
+    return restore
 
 
 def parsed(text: str) -> dict[str, Any]:

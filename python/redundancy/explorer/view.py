@@ -5,7 +5,7 @@ import io
 import logging
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -19,6 +19,8 @@ from redundancy.explorer import state as states
 from redundancy.explorer.arm import Array
 from redundancy.explorer.file_panel import FilePanel
 from redundancy.explorer.mailbox import Mailbox
+from redundancy.explorer.map_model import MapModel
+from redundancy.explorer.map_panel import MapPanel
 from redundancy.explorer.model import PoseModel
 from redundancy.explorer.path_model import PathModel
 from redundancy.explorer.path_panel import PathPanel, shares
@@ -38,6 +40,8 @@ MOST_RECORDED = 3000
 """Pictures of a recording at most."""
 SELF_MOTION_PICTURES = 150
 """Pictures of a recorded self-motion."""
+NEAREST = (150, 156, 163)
+"""Colour of the lines from links to their nearest obstacles."""
 LONGEST_NOTICE = 300
 """Characters of a notice."""
 
@@ -52,6 +56,7 @@ class View:
         path: The `PathModel`.
         scene: The `SceneModel`.
         servo: The `ServoModel`.
+        map: The `MapModel`.
     """
 
     def __init__(
@@ -61,8 +66,10 @@ class View:
         scene: SceneModel,
         host: str = LOOPBACK,
         port: int = 8080,
+        capability: MapModel | None = None,
     ) -> None:
         self.pose, self.path, self.scene = pose, path, scene
+        self.map = MapModel(pose.chain) if capability is None else capability
         self.servo = ServoModel(pose.chain)
         self._closed = threading.Event()
         self.mailbox = Mailbox(self.failed)
@@ -85,9 +92,12 @@ class View:
             self.scene_panel = ScenePanel(self, scene)
         with self.tabs.add_tab("Servo"):
             self.servo_panel = ServoPanel(self, self.servo)
+        with self.tabs.add_tab("Map"):
+            self.map_panel = MapPanel(self, self.map)
         with self.tabs.add_tab("File"):
             self.file_panel = FilePanel(self)
         self.ready = True
+        self.scene_panel.show_plan()
         if path.lines:
             self.show_configuration(path.lines[0].at(0.0))
 
@@ -260,13 +270,16 @@ class View:
 
     def show_everything(self) -> None:
         """Show all models anew."""
+        self.map_panel.push()
         self.scene_panel.push()
         self.pose_panel.criterion.value = self.pose.criterion
         self.pose_panel.follow()
         self.pose_panel.push()
 
-    def nearest_line(self, ends: tuple[Any, Any] | None) -> None:
-        """Draw the shortest line between arm and obstacles."""
+    def nearest_line(self, ends: tuple[Any, Any] | None, others: Sequence[tuple[Any, Any]] = ()) -> None:
+        """Draw the shortest line between arm and obstacles, and thinner ones from other links."""
+        more = np.array(others).reshape(-1, 2, 3)
+        drawing.lines(self.server.scene, "/nearest_of_links", more, NEAREST, 0.0015 * self.pose.body.reach)
         rows = np.zeros((0, 2, 3)) if ends is None else np.array([ends])
         thickness = 0.004 * self.pose.body.reach
         drawing.lines(self.server.scene, "/nearest", rows, pictures.rgb(pictures.VERMILION), thickness)

@@ -67,6 +67,10 @@ class CapabilityMap:
         """Poses `(positions * orientations, 4, 4)` of a chunk, in the order of its values."""
         return self._store.grid.poses(self._store.grid.rows(chunk))
 
+    def rows(self, chunk: int) -> slice:
+        """The positions of a chunk."""
+        return self._store.grid.rows(chunk)
+
     def chunk(self, chunk: int) -> dict[str, NDArray[Any]]:
         """Stored values `(positions, orientations)` of a chunk by metric."""
         return self._store.data(chunk)
