@@ -11,8 +11,8 @@ from redundancy.explorer.pose_panel import paragraph
 if TYPE_CHECKING:
     from redundancy.explorer.view import View
 
-POINT = 0.5
-"""Diameter of a point, in distances of neighbouring cells."""
+POINT = 0.28
+"""Radius of a point, in distances of neighbouring cells."""
 NODE = "/map"
 
 
