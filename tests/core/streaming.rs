@@ -128,3 +128,26 @@ fn the_end_of_the_reach_is_announced() {
     let ((at, time), behind) = (announced.unwrap(), behind.unwrap());
     assert!((behind - at - time).abs() < 0.3, "announced {time} s at {at} s, behind at {behind} s");
 }
+
+#[test]
+fn a_target_that_stops_at_once_is_reached() {
+    let chain = catalog::load("iiwa14").unwrap();
+    for target_noise in [TargetNoise::Auto, TargetNoise::None] {
+        let settings = ServoSettings { target_noise, ..ServoSettings::default() };
+        let mut servo = Servo::new(&chain, 0.01, &settings).unwrap();
+        let start = [0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4];
+        servo.reset(&start, None).unwrap();
+        let mut pose = chain.forward(&start).unwrap();
+        // Up to 1 m/s within ten ticks, then no motion at all.
+        let mut tick = |step: f64| {
+            pose.translation.x -= step;
+            let target = ServoTarget { pose: Some(pose), ..ServoTarget::default() };
+            servo.update(&target).unwrap()
+        };
+        for k in 0..110 {
+            tick(0.001 * f64::from((k - 99).max(0)));
+        }
+        let report = (0..400).map(|_| tick(0.0)).last().unwrap();
+        assert_eq!(report.status, Status::Converged, "{report:?}");
+    }
+}

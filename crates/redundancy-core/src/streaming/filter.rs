@@ -6,7 +6,9 @@
 //! smoother whose poles follow the bandwidth of the filter, because an estimate alone steps with every measurement.
 //! Without noise both are transparent, and the target is passed on as it is.
 //!
-//! A target that moves by more than any hand does is a jump: the filter starts again there and keeps its velocity.
+//! A target that moves by more than any hand does is a jump: the filter starts again there and keeps its velocity. If the next
+//! target does not go on with that velocity, the velocity is that of the last step alone: a target that rests would otherwise
+//! jump away from what is expected of it for ever.
 
 use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
 
@@ -148,6 +150,8 @@ pub(super) struct TargetFilter {
     steps: [[Vector3<f64>; 2]; 3],
     last: Pose,
     started: bool,
+    /// The target of the tick before was a jump.
+    jumped: bool,
     seen: usize,
 }
 
@@ -187,6 +191,7 @@ impl TargetFilter {
             steps: [[Vector3::zeros(); 2]; 3],
             last: Pose::identity(),
             started: false,
+            jumped: false,
             seen: 0,
         }
     }
@@ -214,9 +219,11 @@ impl TargetFilter {
         }
         let innovation = between(&self.motion.at(self.dt), target);
         let jumped = self.is_jump(&innovation);
+        let again = std::mem::replace(&mut self.jumped, jumped) && jumped;
+        let step = between(&self.last, target);
         self.measure(target, jumped);
         if jumped {
-            let kept = self.motion.velocity;
+            let kept = if again { step.map(|step| step / self.dt) } else { self.motion.velocity };
             self.start(target);
             self.motion.velocity = kept;
             for (k, pose) in self.smoothed.iter_mut().enumerate() {

@@ -113,7 +113,7 @@ pub struct PriorityStep {
 /// use redundancy_core::velocity::{PrioritizedNullspace, PriorityTask, StepInput};
 /// let arm = catalog::load("iiwa14")?;
 /// let tool = PriorityTask::Motion { task: Task::POSITION, link: None };
-/// let elbow = PriorityTask::Motion { task: Task::POSITION, link: Some(arm.link_index("iiwa_link_4")?) };
+/// let elbow = PriorityTask::Motion { task: Task::POSITION, link: Some(arm.link_index("link_4")?) };
 /// let mut scheme = PrioritizedNullspace::new(&arm, &[tool, elbow], None, 1.0)?;
 /// let q = [0.3, 0.6, -0.2, -1.2, 0.1, 0.9, 0.4];
 /// let mut qd = [0.0; 7];
