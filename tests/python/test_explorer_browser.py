@@ -371,6 +371,39 @@ def test_two_browsers_see_the_same_and_one_may_vanish(chromium, page, view):
     assert not other.errors
 
 
+def test_a_plan_is_cancelled_by_its_button_and_outlives_the_last_page(chromium, monkeypatch):
+    chain = rd.catalog.load("iiwa14")
+    path = rd.paths.raster((0.5, -0.1, 0.4), 0.25, 0.08, 3, orientation=DOWN, step=0.01)
+    with rd.explore(chain, path=path, port=0, open_browser=False) as shown:
+        planned, go_on, replan = threading.Event(), threading.Event(), shown.path.replan
+
+        def slowly(scene, report):
+            planned.set()
+            assert go_on.wait(60.0)
+            return replan(scene, report)
+
+        monkeypatch.setattr(shown.path, "replan", slowly)
+        last = Page(chromium, shown.url).ready()
+        last.tab("Path")
+        last.page.get_by_role("button", name="plan", exact=True).click()
+        assert planned.wait(60.0)
+        last.page.get_by_role("button", name="cancel", exact=True).click()
+        assert eventually(shown.path_panel._cancel.is_set)
+        go_on.set()
+        last.page.get_by_text("the plan was cancelled").wait_for()
+        assert not any(line.plan.legal for line in shown.path.lines)
+        # Gone while the next one is made.
+        planned.clear()
+        go_on.clear()
+        last.page.get_by_role("button", name="plan", exact=True).click()
+        assert planned.wait(60.0)
+        last.close()
+        assert eventually(lambda: not shown.server.get_clients())
+        go_on.set()
+        assert eventually(lambda: any(line.plan.legal for line in shown.path.lines))
+        assert not last.errors
+
+
 def test_the_files(page, view, tmp_path):
     page.tab("File")
     with page.page.expect_download() as saved:
