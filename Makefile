@@ -121,7 +121,7 @@ rust-test: $(VENV)/.dev
 python-test: $(VENV)/.dev $(VENV)/.wheel
 	$(PY) tools/stubs.py --check
 	$(PY) -m mypy.stubtest --allowlist tests/python/stubtest.allow redundancy._core
-	$(PY) -m pytest
+	$(PY) -m pytest -rs
 
 examples: $(VENV)/.dev $(VENV)/.wheel rust-test
 	@set -e; for f in $(wildcard examples/rust/*.rs); do \
