@@ -247,8 +247,8 @@ class PathPanel:
     def _strip_data(self) -> list[tuple[str, Any, Any, Any]]:
         kinds: list[tuple[str, str, tuple[float, ...], float]] = [
             ("clearance", "clearance (mm)", (0.0,), 1e3),
-            ("speeds", "largest joint speed, share of its limit", (1.0,), 1.0),
-            ("torques", "largest joint torque, share of its limit", (1.0,), 1.0),
+            ("speeds", "largest share of a speed limit", (1.0,), 1.0),
+            ("torques", "largest share of a torque limit", (1.0,), 1.0),
         ]
         out = []
         for what, title, limits, factor in kinds:
