@@ -275,7 +275,7 @@ class PathPanel:
         line, scene = self.model.lines[0], self.view.server.scene
         pose = self.model.poses[min(line.row(self.model.time), len(self.model.poses) - 1)]
         if scene.get_handle_by_name("/cone") is None:
-            vertices, faces = shapes.cone(float(freedom.half_angle), 0.15 * self.view.pose.body.reach)
+            vertices, faces = shapes.cone(float(freedom.half_angle), 0.3 * self.view.pose.body.reach)
             axis = -np.asarray(freedom.axis, dtype=float)
 
             turn = rd.quaternion.to_matrix(turned_z(axis[None] / np.linalg.norm(axis))[0])
@@ -284,7 +284,7 @@ class PathPanel:
                 vertices @ turn.T,
                 faces,
                 color=pictures.rgb(pictures.ORANGE),
-                opacity=0.25,
+                opacity=0.4,
                 side="double",
             )
         handle = scene.get_handle_by_name("/cone")
