@@ -18,6 +18,7 @@ use crate::criterion::{PyCriterion, partial};
 use crate::error::to_py;
 use crate::plan::read_chain;
 use crate::status::status_to_py;
+use crate::step::limit_names;
 use crate::task::read_task;
 
 /// Several tasks with strict priorities within hard limits.
@@ -254,12 +255,8 @@ impl PyPriorityStep {
     /// Limits that the step is at: name of the joint, which limit, which side.
     #[getter]
     fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
-        let joints = self.chain.get().chain.joints();
-        let named = |limit: &ActiveLimit| {
-            let side = if limit.upper { "upper" } else { "lower" };
-            (joints[limit.joint].name.clone(), limit.kind.as_str(), side)
-        };
-        self.active.iter().map(named).collect()
+        let limits = self.active.iter().map(|limit| (limit.joint, limit.kind.as_str(), limit.upper));
+        limit_names(&self.chain.get().chain, limits)
     }
 
     fn __repr__(&self) -> String {

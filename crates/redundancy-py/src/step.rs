@@ -4,6 +4,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use redundancy_core::Error;
 use redundancy_core::Status;
+use redundancy_core::chain::Chain;
 use redundancy_core::kinematics::Task;
 use redundancy_core::velocity::{ActiveLimit, LimitKind, Step, sigma_min};
 
@@ -74,14 +75,8 @@ impl PyStep {
     /// Active limits: name of the joint, which limit, which side.
     #[getter]
     fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
-        let joints = self.chain.get().chain.joints();
-        self.active
-            .iter()
-            .map(|limit| {
-                let side = if limit.upper { "upper" } else { "lower" };
-                (joints[limit.joint].name.clone(), limit.kind.as_str(), side)
-            })
-            .collect()
+        let limits = self.active.iter().map(|limit| (limit.joint, limit.kind.as_str(), limit.upper));
+        limit_names(&self.chain.get().chain, limits)
     }
 
     /// Pairs that limited the step: names of a link and of an obstacle or link, and their distance, m.
@@ -161,6 +156,15 @@ pub fn restored_limit((joint, word, upper): (usize, String, bool), dof: usize) -
     let kinds = [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration];
     let kind = kinds.into_iter().find(|kind| kind.as_str() == word && joint < dof)?;
     Some(ActiveLimit { joint, kind, upper })
+}
+
+/// Limits as users read them: name of the joint, which limit, which side.
+pub(crate) fn limit_names(
+    chain: &Chain,
+    limits: impl Iterator<Item = (usize, &'static str, bool)>,
+) -> Vec<(String, &'static str, &'static str)> {
+    let side = |upper| if upper { "upper" } else { "lower" };
+    limits.map(|(joint, kind, upper)| (chain.joints()[joint].name.clone(), kind, side(upper))).collect()
 }
 
 /// Result of one step at acceleration level.

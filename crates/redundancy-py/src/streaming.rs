@@ -15,6 +15,7 @@ use crate::criterion::PyCriterion;
 use crate::error::to_py;
 use crate::self_motion::PySrsArm;
 use crate::status::status_to_py;
+use crate::step::limit_names;
 
 /// A servo for pose targets: one target pose per tick in, joint position, velocity and acceleration out.
 ///
@@ -353,14 +354,8 @@ impl PyServoTick {
     /// Limits that acted: name of the joint, which limit, which side.
     #[getter]
     fn active_limits(&self) -> Vec<(String, &'static str, &'static str)> {
-        let joints = self.chain.get().chain.joints();
-        self.active
-            .iter()
-            .map(|limit| {
-                let side = if limit.upper { "upper" } else { "lower" };
-                (joints[limit.joint].name.clone(), limit.kind.as_str(), side)
-            })
-            .collect()
+        let limits = self.active.iter().map(|limit| (limit.joint, limit.kind.as_str(), limit.upper));
+        limit_names(&self.chain.get().chain, limits)
     }
 
     fn __repr__(&self) -> String {
