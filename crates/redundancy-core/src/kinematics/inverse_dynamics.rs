@@ -99,6 +99,9 @@ struct LinkState {
     torque: Vector3<f64>,
     weight: Vector3<f64>,
     weight_torque: Vector3<f64>,
+    /// Force and torque of accelerating along `qd`, where they are asked for.
+    push: Vector3<f64>,
+    push_torque: Vector3<f64>,
 }
 
 /// A motion or a force as two vectors, linear first, about the world's origin.
@@ -224,9 +227,15 @@ impl Chain {
         self.check_motion(q, qd, qdd, gravity)?;
         scratch.check(self)?;
         check_length("torques", torques, self.dof())?;
-        self.newton_euler(self.masses()?, q, qd, qdd, gravity, scratch, |i, dynamic, weight| {
-            torques[i] = dynamic + weight;
-        });
+        self.newton_euler::<false>(
+            self.masses()?,
+            [q, qd, qdd],
+            gravity,
+            scratch,
+            |i, dynamic, weight, _| {
+                torques[i] = dynamic + weight;
+            },
+        );
         Ok(())
     }
 
@@ -255,9 +264,15 @@ impl Chain {
         rows.zip(torques.par_chunks_exact_mut(n)).with_min_len(ROWS_PER_TASK).for_each_init(
             || DynamicsScratch::new(self),
             |scratch, (((q, qd), qdd), out)| {
-                self.newton_euler(bodies, q, qd, qdd, gravity, scratch, |i, dynamic, weight| {
-                    out[i] = dynamic + weight;
-                });
+                self.newton_euler::<false>(
+                    bodies,
+                    [q, qd, qdd],
+                    gravity,
+                    scratch,
+                    |i, dynamic, weight, _| {
+                        out[i] = dynamic + weight;
+                    },
+                );
             },
         );
         Ok(())
@@ -315,15 +330,32 @@ impl Chain {
     pub(crate) fn split_torques(
         &self,
         bodies: &[Body],
-        [q, d, dd]: [&[f64]; 3],
+        motion: [&[f64]; 3],
         gravity: &Vector3<f64>,
         scratch: &mut DynamicsScratch,
         weights: &mut [f64],
         dynamic: &mut [f64],
     ) {
-        self.newton_euler(bodies, q, d, dd, gravity, scratch, |i, motion, weight| {
+        self.newton_euler::<false>(bodies, motion, gravity, scratch, |i, dynamic_, weight, _| {
             weights[i] = weight;
-            dynamic[i] = motion;
+            dynamic[i] = dynamic_;
+        });
+    }
+
+    /// The three parts of `tau = G + v^2 D + a M q'` for checked arguments, in one pass: gravity's, the one of the motion
+    /// `(q', q'')`, and the one of an acceleration along `q'`.
+    pub(crate) fn path_torques(
+        &self,
+        bodies: &[Body],
+        motion: [&[f64]; 3],
+        gravity: &Vector3<f64>,
+        scratch: &mut DynamicsScratch,
+        [weights, dynamic, inertial]: [&mut [f64]; 3],
+    ) {
+        self.newton_euler::<true>(bodies, motion, gravity, scratch, |i, dynamic_, weight, push| {
+            weights[i] = weight;
+            dynamic[i] = dynamic_;
+            inertial[i] = push;
         });
     }
 
@@ -362,20 +394,21 @@ impl Chain {
         check_finite("gravity", gravity.as_slice())
     }
 
-    /// Recursive Newton-Euler; `out` gets the joint, the torque of the motion and the torque of gravity.
+    /// Recursive Newton-Euler; `out` gets the joint, the torque of the motion and the torque of gravity, and with `PUSH` the
+    /// torque of an acceleration `qd` from rest, without gravity; else 0.
     #[inline(always)]
-    fn newton_euler(
+    fn newton_euler<const PUSH: bool>(
         &self,
         bodies: &[Body],
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
+        [q, qd, qdd]: [&[f64]; 3],
         gravity: &Vector3<f64>,
         scratch: &mut DynamicsScratch,
-        mut out: impl FnMut(usize, f64, f64),
+        mut out: impl FnMut(usize, f64, f64, f64),
     ) {
         let zero = Vector3::zeros();
         let (mut omega, mut alpha, mut accel, mut lift) = (zero, zero, zero, -gravity);
+        // Along `qd` from rest: turning of the frame, which is `omega`, and of its origin.
+        let mut push = zero;
         let rows = self.steps().iter().zip(bodies).zip(q.iter().zip(qd).zip(qdd));
         for (((step, body), ((q, qd), qdd)), link) in rows.zip(&mut scratch.links) {
             let (rotation, origin) = placed(step, *q);
@@ -383,6 +416,9 @@ impl Chain {
             let inner = accel + alpha.cross(&origin) + omega.cross(&omega.cross(&origin));
             accel = rotation.tr_mul(&inner);
             lift = rotation.tr_mul(&lift);
+            if PUSH {
+                push = rotation.tr_mul(&(push + omega.cross(&origin)));
+            }
             omega = rotation.tr_mul(&omega);
             alpha = rotation.tr_mul(&alpha);
             if step.rotational {
@@ -391,6 +427,7 @@ impl Chain {
                 omega.z += qd;
             } else {
                 accel += Vector3::new(2.0 * omega.y * qd, -2.0 * omega.x * qd, *qdd);
+                push.z += qd;
             }
             let trace = body.second.trace();
             let spin = |w: &Vector3<f64>| w * trace - body.second * w;
@@ -401,8 +438,14 @@ impl Chain {
             link.torque = spin(&alpha) + omega.cross(&spin(&omega)) + body.moment.cross(&accel);
             link.weight = lift * body.mass;
             link.weight_torque = body.moment.cross(&lift);
+            if PUSH {
+                link.push = push * body.mass + omega.cross(&body.moment);
+                link.push_torque = spin(&omega) + body.moment.cross(&push);
+            }
         }
         let (mut force, mut torque, mut weight, mut weight_torque) = (zero, zero, zero, zero);
+        let mut push_torque = zero;
+        push = zero;
         for i in (0..scratch.links.len()).rev() {
             let link = &scratch.links[i];
             force += link.force;
@@ -410,15 +453,26 @@ impl Chain {
             weight += link.weight;
             weight_torque += link.weight_torque;
             let rotor = bodies[i].rotor * qdd[i];
+            let mut pushed = 0.0;
+            if PUSH {
+                push += link.push;
+                push_torque += link.push_torque;
+                let own = if self.steps()[i].rotational { push_torque.z } else { push.z };
+                pushed = own + bodies[i].rotor * qd[i];
+            }
             if self.steps()[i].rotational {
-                out(i, torque.z + rotor, weight_torque.z);
+                out(i, torque.z + rotor, weight_torque.z, pushed);
             } else {
-                out(i, force.z + rotor, weight.z);
+                out(i, force.z + rotor, weight.z, pushed);
             }
             force = link.rotation * force;
             torque = link.rotation * torque + link.origin.cross(&force);
             weight = link.rotation * weight;
             weight_torque = link.rotation * weight_torque + link.origin.cross(&weight);
+            if PUSH {
+                push = link.rotation * push;
+                push_torque = link.rotation * push_torque + link.origin.cross(&push);
+            }
         }
     }
 

@@ -20,8 +20,9 @@
 
 use wide::f64x4;
 
+use super::node_limits::NodeLimits;
 use super::settings::RetimeSettings;
-use super::stretch::{NodeLimits, Stretch};
+use super::stretch::Stretch;
 use crate::tolerance::{RETIME_GAP, RETIME_ZONE};
 
 /// Derivatives by sigma at one end of an interval.

@@ -23,6 +23,7 @@
 mod blend;
 mod extremes;
 mod jerk;
+mod node_limits;
 mod settings;
 mod straight;
 mod stretch;
@@ -33,8 +34,9 @@ pub use settings::RetimeSettings;
 pub use verify::{LimitKind, Limiting};
 
 use self::blend::Blend;
+use self::node_limits::NodeLimits;
 use self::straight::StraightLaw;
-use self::stretch::{NodeLimits, Origin, Stretch};
+use self::stretch::{Origin, Stretch};
 use self::verify::{Motion, NodeTorques};
 use crate::chain::Chain;
 use crate::error::{Error, Result, check_vector};
@@ -361,7 +363,8 @@ fn second_order(
     let x = two_pass::fastest(stretch, limits, settings, rest, share)
         .map_err(|k| Error::CannotFollow(format!("no speed at node {k} of the path is within the limits")))?;
     let n = stretch.n;
-    let mut motion = Motion::new(n, false);
+    let mut motion = Motion::with_room(n, false, stretch.nodes());
+    law.reserve(stretch.nodes());
     let speed: Vec<f64> = x.iter().map(|x| x.max(0.0).sqrt()).collect();
     let mut t = 0.0;
     let (mut qd, mut qdd) = (vec![0.0; n], vec![0.0; n]);
@@ -393,7 +396,7 @@ fn third_order(
 ) -> Option<Motion> {
     let law = jerk::fastest(stretch, limits, (settings, jerk), rest, share, known)?;
     let n = stretch.n;
-    let mut motion = Motion::new(n, true);
+    let mut motion = Motion::with_room(n, true, stretch.nodes());
     for (k, node) in law.nodes.iter().enumerate() {
         let at = k * n..(k + 1) * n;
         motion.push(node.t, &stretch.q[at.clone()], &law.qd[at.clone()], &law.qdd[at], stretch.origin[k]);

@@ -1,15 +1,6 @@
-//! A stretch of a joint path between two stops: its curve, and what the limits say at each node.
-//!
-//! The curve is the cubic spline through the rows over the length of their chords in joint space, with not-a-knot ends.
-//! Each limit is linear in the squared speed `x = sigma'^2` and the acceleration `u = sigma''` of the parameter:
-//! `qdd = q' u + q'' x` and `tau = m u + d x + g` [BobrowDubowskyGibson1985].
+//! A stretch of a joint path between two stops: the cubic spline through its rows over the length of their chords in joint
+//! space, with not-a-knot ends.
 
-use nalgebra::Vector3;
-
-use super::settings::RetimeSettings;
-use crate::chain::Chain;
-use crate::error::Result;
-use crate::kinematics::{DynamicsScratch, Scratch};
 use crate::path::knot_derivatives;
 use crate::tolerance::{RETIME_NODES, RETIME_TURN, RETIME_TURN_PARTS};
 
@@ -61,6 +52,12 @@ impl Stretch {
         let third = |k: usize, j: usize| (dd[(k + 1) * n + j] - dd[k * n + j]) / (s[k + 1] - s[k]);
         let parts = if nodes_between { parts(rows, n) } else { vec![1; count - 1] };
         let mut out = Self::empty(n);
+        let nodes = parts.iter().sum::<usize>() + 1;
+        for values in [&mut out.q, &mut out.d, &mut out.dd, &mut out.ddd] {
+            values.reserve_exact(nodes * n);
+        }
+        out.s.reserve_exact(nodes);
+        out.origin.reserve_exact(nodes);
         for k in 0..count {
             let here = k * n..(k + 1) * n;
             out.push(s[k], Origin::path(first + k), &rows[here.clone()], &d[here.clone()], &dd[here]);
@@ -69,13 +66,14 @@ impl Stretch {
             }
             for part in 1..parts[k] {
                 let h = (s[k + 1] - s[k]) * part as f64 / parts[k] as f64;
-                let at = |j: usize| {
+                for j in 0..n {
                     let (q, d, dd, ddd) = (rows[k * n + j], d[k * n + j], dd[k * n + j], third(k, j));
-                    [q + h * (d + h * (dd / 2.0 + h * ddd / 6.0)), d + h * (dd + h * ddd / 2.0), dd + h * ddd]
-                };
-                let values: Vec<[f64; 3]> = (0..n).map(at).collect();
-                let column = |c: usize| values.iter().map(|v| v[c]).collect::<Vec<f64>>();
-                out.push(s[k] + h, Origin::BETWEEN, &column(0), &column(1), &column(2));
+                    out.q.push(q + h * (d + h * (dd / 2.0 + h * ddd / 6.0)));
+                    out.d.push(d + h * (dd + h * ddd / 2.0));
+                    out.dd.push(dd + h * ddd);
+                }
+                out.s.push(s[k] + h);
+                out.origin.push(Origin::BETWEEN);
             }
             for _ in 0..parts[k] {
                 out.ddd.extend((0..n).map(|j| third(k, j)));
@@ -159,58 +157,3 @@ fn parts(rows: &[f64], n: usize) -> Vec<usize> {
 
 /// Intervals to either side of a turn that are cut with it.
 const TURN_WIDTH: usize = 4;
-
-/// What the limits say at the nodes.
-#[derive(Debug, Clone)]
-pub(super) struct NodeLimits {
-    /// Largest squared speed at each node from the velocities of joints and tool.
-    pub most: Vec<f64>,
-    /// Torques per acceleration, per squared speed, and of gravity, node by node; empty without torque limits.
-    pub inertial: Vec<f64>,
-    pub dynamic: Vec<f64>,
-    pub gravity: Vec<f64>,
-}
-
-impl NodeLimits {
-    pub fn new(chain: &Chain, stretch: &Stretch, settings: &RetimeSettings) -> Result<Self> {
-        let (n, nodes) = (stretch.n, stretch.nodes());
-        let mut most = vec![f64::INFINITY; nodes];
-        let mut scratch = Scratch::new(chain);
-        for k in 0..nodes {
-            let (q, d) = (&stretch.q[k * n..][..n], &stretch.d[k * n..][..n]);
-            for j in 0..n {
-                most[k] = most[k].min((settings.velocity_limits[j] / d[j]).powi(2));
-            }
-            if let Some(speed) = settings.tool_speed {
-                let kinematics = chain.kinematics_unchecked(q, &mut scratch);
-                let columns = kinematics.jacobian();
-                let moved: Vector3<f64> = (0..n).map(|j| columns.fixed_view::<3, 1>(0, j) * d[j]).sum();
-                most[k] = most[k].min(speed * speed / moved.norm_squared());
-            }
-        }
-        let mut out = Self { most, inertial: Vec::new(), dynamic: Vec::new(), gravity: Vec::new() };
-        if settings.torque_limits.is_some() {
-            out.add_torques(chain, stretch, &settings.gravity)?;
-        }
-        Ok(out)
-    }
-
-    fn add_torques(&mut self, chain: &Chain, stretch: &Stretch, gravity: &Vector3<f64>) -> Result<()> {
-        let bodies = chain.masses()?;
-        let (n, zero) = (stretch.n, vec![0.0; stretch.n]);
-        let entries = stretch.q.len();
-        for values in [&mut self.inertial, &mut self.dynamic, &mut self.gravity] {
-            *values = vec![0.0; entries];
-        }
-        let (mut scratch, mut none) = (DynamicsScratch::new(chain), vec![0.0; n]);
-        for k in 0..stretch.nodes() {
-            let at = k * n..(k + 1) * n;
-            let [q, d, dd] = [&stretch.q, &stretch.d, &stretch.dd].map(|v| &v[at.clone()]);
-            let (weight, dynamic) = (&mut self.gravity[at.clone()], &mut self.dynamic[at.clone()]);
-            chain.split_torques(bodies, [q, d, dd], gravity, &mut scratch, weight, dynamic);
-            let inertial = &mut self.inertial[at.clone()];
-            chain.split_torques(bodies, [q, &zero, d], &Vector3::zeros(), &mut scratch, &mut none, inertial);
-        }
-        Ok(())
-    }
-}

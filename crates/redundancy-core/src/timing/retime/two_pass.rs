@@ -5,8 +5,9 @@
 //! [PhamPham2018]. The limits are asked for at both ends of each interval, which bounds what happens between them to
 //! second order in `h`.
 
+use super::node_limits::NodeLimits;
 use super::settings::RetimeSettings;
-use super::stretch::{NodeLimits, Stretch};
+use super::stretch::Stretch;
 use crate::timing::speed::{PROFILE_SLACK, SPEED_CAP, VERTEX_STEPS};
 
 /// Squared speeds at the nodes, and which node cannot be passed if one cannot.
@@ -79,7 +80,7 @@ impl Bounds {
                         out.add([stretch.d[i], stretch.dd[i]], ahead, [-most, most]);
                     }
                     if let Some(torque) = &settings.torque_limits
-                        && torque[j].is_finite()
+                        && limits.matters[i]
                     {
                         // The share is one of the motion: gravity is there in any case.
                         let gravity = limits.gravity[i];

@@ -1,10 +1,11 @@
 //! A motion as it is returned, and how near it comes to its limits between its rows.
 
 use super::extremes::{cubic, quadratic, quartic};
+use super::node_limits::{FAR_BELOW, NodeLimits};
 use super::settings::RetimeSettings;
-use super::stretch::{NodeLimits, Origin, Stretch};
+use super::stretch::Origin;
 use crate::chain::Chain;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::kinematics::{DynamicsScratch, Scratch};
 use crate::path::Section;
 use crate::tolerance::{RETIME_DWELL, TORQUE_LEFT};
@@ -16,8 +17,9 @@ const FIRST_PARTS: usize = 2;
 /// Parts of a whole section, at least: a quintic over a long interval bends between places that are far apart.
 const PARTS_IN_ALL: usize = 2_000;
 
-/// Share of a torque limit up to which the torques at the nodes and one check between them decide.
-const FAR_BELOW: f64 = 0.95;
+/// How far, as a share of the acceleration limits, the cubic of an interval may be from the law of the nodes where nothing
+/// but that law is asked about torques.
+const OFF_LAW: f64 = 0.01;
 
 /// How far a parabola through three places may rise above them and still be believed, as a share of the limit: its error is
 /// a tenth of that.
@@ -77,30 +79,6 @@ pub(super) struct Motion {
     torques: Vec<[f64; 2]>,
 }
 
-impl NodeLimits {
-    /// Gravity alone must leave torque at every joint.
-    pub(super) fn check_gravity(
-        &self,
-        chain: &Chain,
-        stretch: &Stretch,
-        settings: &RetimeSettings,
-    ) -> Result<()> {
-        let Some(limits) = &settings.torque_limits else { return Ok(()) };
-        for (i, gravity) in self.gravity.iter().enumerate() {
-            let (k, j) = (i / stretch.n, i % stretch.n);
-            if gravity.abs() >= limits[j] * (1.0 - TORQUE_LEFT) {
-                return Err(Error::CannotFollow(format!(
-                    "joint '{}' needs {:.4} N m at node {k} to hold the arm at rest, its torque limit is {}",
-                    chain.joints()[j].name,
-                    gravity.abs(),
-                    limits[j]
-                )));
-            }
-        }
-        Ok(())
-    }
-}
-
 /// Value and derivatives of one joint at a place of an interval.
 type Local = [f64; 4];
 
@@ -108,6 +86,13 @@ impl Motion {
     pub fn new(n: usize, smooth: bool) -> Self {
         let [t, q, qd, qdd] = std::array::from_fn(|_| Vec::new());
         Self { n, smooth, t, q, qd, qdd, origin: Vec::new(), torques: Vec::new() }
+    }
+
+    /// The same with room for so many rows.
+    pub fn with_room(n: usize, smooth: bool, rows: usize) -> Self {
+        let [q, qd, qdd] = std::array::from_fn(|_| Vec::with_capacity(rows * n));
+        let (t, origin) = (Vec::with_capacity(rows), Vec::with_capacity(rows));
+        Self { n, smooth, t, q, qd, qdd, origin, torques: Vec::new() }
     }
 
     pub fn push(&mut self, t: f64, q: &[f64], qd: &[f64], qdd: &[f64], origin: Origin) {
@@ -143,13 +128,19 @@ impl Motion {
     pub fn append(&mut self, part: Self, path_rows: &mut Vec<usize>) {
         let n = self.n;
         let start = self.duration();
-        if !self.t.is_empty() && !part.torques.is_empty() {
+        if self.t.is_empty() {
+            let rows = part.origin.iter().enumerate().filter(|(_, origin)| origin.row.is_some());
+            path_rows.extend(rows.map(|(k, _)| k));
+            *self = part;
+            return;
+        }
+        if !part.torques.is_empty() {
             self.torques.truncate((self.t.len() - 1) * n);
         }
         self.torques.extend_from_slice(&part.torques);
         for k in 0..part.t.len() {
             let at = k * n..(k + 1) * n;
-            if k == 0 && !self.t.is_empty() {
+            if k == 0 {
                 // The row is there already; without jerk limits its acceleration is the one after it.
                 let from = self.qdd.len() - n;
                 self.qdd[from..].copy_from_slice(&part.qdd[at]);
@@ -246,7 +237,11 @@ impl Motion {
             let joints = self.joint_factor(k, &gauge.inverse, floor);
             let far_below = match nodes {
                 _ if !gauge.needs_places() => true,
-                Some(nodes) => self.far_below(k, nodes, &mut gauge, &mut places),
+                Some(nodes) => {
+                    let calm = nodes.limits.calm[k] && self.keeps_to_law(k, settings);
+                    self.torques_at_rows(k, nodes);
+                    calm || self.far_below(k, nodes, &mut gauge, &mut places)
+                }
                 None => false,
             };
             out.push(if far_below {
@@ -267,17 +262,14 @@ impl Motion {
     /// The factor that velocity, acceleration and jerk of the joints ask for in interval `k`, at least `floor`.
     fn joint_factor(&self, k: usize, inverse: &[Vec<f64>; 3], floor: f64) -> f64 {
         let (n, h) = (self.n, self.t[k + 1] - self.t[k]);
+        if !self.smooth {
+            return self.cubic_factor(k, inverse, floor);
+        }
         let units = [1.0 / h, 1.0 / (h * h), 1.0 / (h * h * h)];
         let mut most = [floor, floor * floor, floor * floor * floor];
         for j in 0..n {
             let scale: [f64; 3] = std::array::from_fn(|order| units[order] * inverse[order][j]);
             let [_, c1, c2, c3, c4, c5] = self.coefficients(k, j, h);
-            if !self.smooth {
-                most[0] = most[0].max(quadratic([c1, 2.0 * c2, 3.0 * c3]) * scale[0]);
-                most[1] = most[1].max((2.0 * c2).abs().max((2.0 * c2 + 6.0 * c3).abs()) * scale[1]);
-                most[2] = most[2].max((6.0 * c3).abs() * scale[2]);
-                continue;
-            }
             if scale[0] > 0.0 {
                 let speed = [c1, 2.0 * c2, 3.0 * c3, 4.0 * c4, 5.0 * c5];
                 most[0] = most[0].max(quartic(speed, most[0] / scale[0]) * scale[0]);
@@ -293,6 +285,54 @@ impl Motion {
         most[0].max(most[1].sqrt()).max(most[2].cbrt())
     }
 
+    /// The same for the cubics of a motion whose jerk has no limits.
+    fn cubic_factor(&self, k: usize, inverse: &[Vec<f64>; 3], floor: f64) -> f64 {
+        let (n, h) = (self.n, self.t[k + 1] - self.t[k]);
+        let per_time = 1.0 / h;
+        let (mut speed, mut acceleration) = (floor, floor * floor);
+        let both = k * n..(k + 2) * n;
+        let [(a, b), (va, vb)] = [&self.q, &self.qd].map(|values| values[both.clone()].split_at(n));
+        let (q, qd) = (a.iter().zip(b), va.iter().zip(vb));
+        for ((a, b), ((va, vb), (per_speed, per_acceleration))) in
+            q.zip(qd.zip(inverse[0].iter().zip(&inverse[1])))
+        {
+            let rise = (b - a) * per_time;
+            let [c2, c3] = [3.0 * rise - 2.0 * va - vb, va + vb - 2.0 * rise];
+            // Bernstein coefficients bound the speed between the rows.
+            let bound = va.abs().max(vb.abs()).max((va + c2).abs());
+            if bound * per_speed > speed {
+                speed = speed.max(quadratic([*va, 2.0 * c2, 3.0 * c3]) * per_speed);
+            }
+            let largest = (2.0 * c2).abs().max((2.0 * c2 + 6.0 * c3).abs());
+            acceleration = acceleration.max(largest * per_time * per_acceleration);
+        }
+        speed.max(acceleration.sqrt())
+    }
+
+    /// Whether the accelerations at the beginning of interval `k`, as its cubic has them, are those of the law of the nodes.
+    fn keeps_to_law(&self, k: usize, settings: &RetimeSettings) -> bool {
+        let (n, h) = (self.n, self.t[k + 1] - self.t[k]);
+        (0..n).all(|j| {
+            let (a, b) = (k * n + j, (k + 1) * n + j);
+            let rise = self.q[b] - self.q[a];
+            let off = 6.0 * rise - h * (4.0 * self.qd[a] + 2.0 * self.qd[b] + h * self.qdd[a]);
+            let limit = settings.acceleration_limits[j];
+            let scale = if limit.is_finite() { limit } else { self.qdd[a].abs() };
+            off.abs() <= OFF_LAW * scale * h * h
+        })
+    }
+
+    /// Keeps the torques of the nodes' law at the row before interval `k`, and at the last row.
+    fn torques_at_rows(&mut self, k: usize, nodes: NodeTorques<'_>) {
+        for node in [k, k + 1] {
+            if node == k || node + 1 == self.t.len() {
+                for i in node * self.n..(node + 1) * self.n {
+                    self.torques[i] = nodes.torque(k, node, i);
+                }
+            }
+        }
+    }
+
     /// Whether the torques in interval `k` are far below their limits by what the nodes say at its ends and one look between
     /// them.
     fn far_below(
@@ -305,16 +345,10 @@ impl Motion {
         let Some(limits) = &gauge.settings.torque_limits else { return false };
         let (n, finest, width) = (self.n, places.finest, 2 * self.n + 1);
         for (node, place) in [(k, 0), (k + 1, finest)] {
-            let (u, x) = (nodes.law[k][0], nodes.law[node][1]);
             let out = &mut places.values[place * width..][..width];
             for (j, limit) in limits.iter().enumerate() {
-                let i = node * n + j;
-                let moving = nodes.limits.inertial[i] * u + nodes.limits.dynamic[i] * x;
-                let gravity = nodes.limits.gravity[i];
+                let [moving, gravity] = nodes.torque(k, node, node * n + j);
                 [out[1 + 2 * j], out[2 + 2 * j]] = torque_shares(*limit, moving, gravity);
-                if node == k || node + 1 == self.t.len() {
-                    self.torques[i] = [moving, gravity];
-                }
             }
         }
         self.fill(k, finest / 2, gauge, places);
@@ -358,6 +392,24 @@ impl Motion {
         self.origin.iter().map(section).collect()
     }
 
+    /// Position and derivatives of all joints at row `k`, in the interval behind it if there is one. Without jerk limits the
+    /// third derivative is not asked for and is 0.
+    fn at_row(&self, k: usize, out: &mut [Local]) {
+        let (n, last) = (self.n, self.t.len() - 1);
+        let (interval, u) = if k < last { (k, 0.0) } else { (last - 1, 1.0) };
+        if self.smooth {
+            return self.local(interval, u, out);
+        }
+        let per_time = 1.0 / (self.t[interval + 1] - self.t[interval]);
+        // From this row and the one at the other end of the interval.
+        let other = if k < last { k + 1 } else { k - 1 };
+        let sign = if k < last { per_time } else { -per_time };
+        for (j, out) in out.iter_mut().enumerate() {
+            let [(a, va), (b, vb)] = [k, other].map(|row| (self.q[row * n + j], self.qd[row * n + j]));
+            *out = [a, va, (6.0 * (b - a) * sign - 4.0 * va - 2.0 * vb) * sign, 0.0];
+        }
+    }
+
     /// The limit that each row comes nearest to.
     pub fn limiting(&self, chain: &Chain, settings: &RetimeSettings) -> Result<Vec<Option<Limiting>>> {
         let mut gauge = Gauge::new(chain, settings)?;
@@ -369,8 +421,7 @@ impl Motion {
                 if last == 0 {
                     return None;
                 }
-                let (interval, u) = if k < last { (k, 0.0) } else { (last - 1, 1.0) };
-                self.local(interval, u, &mut local);
+                self.at_row(k, &mut local);
                 gauge.nearest(&local, if known { self.torques.get(k * n..(k + 1) * n) } else { None })
             })
             .collect())
@@ -406,6 +457,14 @@ impl Motion {
 pub(super) struct NodeTorques<'a> {
     pub limits: &'a NodeLimits,
     pub law: &'a [[f64; 2]],
+}
+
+impl NodeTorques<'_> {
+    /// Torques of the motion and of gravity at a node of interval `k`; `i` counts nodes and joints.
+    fn torque(&self, k: usize, node: usize, i: usize) -> [f64; 2] {
+        let (u, x) = (self.law[k][0], self.law[node][1]);
+        [self.limits.inertial[i] * u + self.limits.dynamic[i] * x, self.limits.gravity[i]]
+    }
 }
 
 /// Torque of the motion over what gravity leaves of the limit, upwards and downwards.

@@ -1,7 +1,5 @@
 //! The torques along a path as functions of the tool's speed and acceleration: `tau = M q' a + D x + G` with `x = v^2`.
 
-use nalgebra::Vector3;
-
 use super::settings::SpeedSettings;
 use crate::chain::{Body, Chain};
 use crate::error::{Error, Result, check_finite, check_vector};
@@ -56,19 +54,20 @@ impl SpeedTerms {
         if let Some(bodies) = bodies {
             let rows = q.par_chunks_exact(n).zip(d.par_chunks_exact(n)).zip(dd.par_chunks_exact(n));
             let out = weights.par_chunks_exact_mut(n).zip(dynamic.par_chunks_exact_mut(n));
-            rows.zip(out).with_min_len(POINTS_PER_TASK).for_each_init(
-                || DynamicsScratch::new(chain),
-                |scratch, (((q, d), dd), (weights, dynamic))| {
-                    chain.split_torques(bodies, [q, d, dd], &settings.gravity, scratch, weights, dynamic);
-                },
-            );
+            let scratch = || DynamicsScratch::new(chain);
             if accelerated {
-                let (mut scratch, zero, mut none) = (DynamicsScratch::new(chain), vec![0.0; n], vec![0.0; n]);
-                let rows = q.chunks_exact(n).zip(d.chunks_exact(n)).zip(inertial.chunks_exact_mut(n));
-                for ((q, d), out) in rows {
-                    let motion = [q, &zero, d];
-                    chain.split_torques(bodies, motion, &Vector3::zeros(), &mut scratch, &mut none, out);
-                }
+                let all = rows.zip(out.zip(inertial.par_chunks_exact_mut(n))).with_min_len(POINTS_PER_TASK);
+                all.for_each_init(scratch, |scratch, (((q, d), dd), ((weights, dynamic), inertial))| {
+                    let out = [weights, dynamic, inertial];
+                    chain.path_torques(bodies, [q, d, dd], &settings.gravity, scratch, out);
+                });
+            } else {
+                rows.zip(out).with_min_len(POINTS_PER_TASK).for_each_init(
+                    scratch,
+                    |scratch, (((q, d), dd), (weights, dynamic))| {
+                        chain.split_torques(bodies, [q, d, dd], &settings.gravity, scratch, weights, dynamic);
+                    },
+                );
             }
         }
         Ok(Self { n, s: s.to_vec(), q: q.to_vec(), d, weights, dynamic, inertial })
