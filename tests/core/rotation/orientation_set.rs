@@ -1,6 +1,7 @@
 //! Volumes of five rotations, intersections and unions, against rejection sampling.
 
 use redundancy_core::nalgebra::{UnitQuaternion, Vector3};
+use redundancy_core::parallel::prelude::*;
 use redundancy_core::rotation::*;
 
 use super::{Random, full};
@@ -92,17 +93,13 @@ fn memberships_of_five_rotations_by_brute_force() {
     };
     let inner = three(0.0);
     let mut random = Random::new(2);
-    let (mut members, mut missed, mut short, mut near, mut beaten) = (0, 0, 0.0_f64, 0, 0.0_f64);
     let middle = volume.at(&bounds.iter().map(|b| 0.5 * (b.1 + b.2)).collect::<Vec<_>>()).unwrap();
-    for _ in 0..n {
-        // Uniform in a ball around the set, so that members and others are about as many.
-        let q = loop {
-            let q = random.rotation();
-            if rotation_angle(&q, &middle) < 1.1 {
-                break q;
-            }
-        };
-        let margin = volume.margin(&q);
+    // Uniform in a ball around the set, so that members and others are about as many.
+    let probes: Vec<_> = std::iter::repeat_with(|| random.rotation())
+        .filter(|q| rotation_angle(q, &middle) < 1.1)
+        .take(n)
+        .collect();
+    let by_grids = |q: &UnitQuaternion<f64>| {
         let at = |first: f64, last: f64| {
             let outer = (first - bounds[0].1)
                 .min(bounds[0].2 - first)
@@ -130,6 +127,11 @@ fn memberships_of_five_rotations_by_brute_force() {
             }
             half = half.map(|h| 0.35 * h);
         }
+        best
+    };
+    let found: Vec<[f64; 2]> = probes.par_iter().map(|q| [volume.margin(q), by_grids(q)]).collect();
+    let (mut members, mut missed, mut short, mut near, mut beaten) = (0, 0, 0.0_f64, 0, 0.0_f64);
+    for [margin, best] in found {
         beaten = beaten.max(best - margin);
         assert!(margin >= best - 1e-9, "{margin} but {best} on the grid");
         members += usize::from(margin >= 0.0);
@@ -219,12 +221,15 @@ fn set_algebra_against_rejection() {
     };
     for (name, set) in sets() {
         let uniform = if full() || !name.contains("five") { &uniform[..] } else { &uniform[..n / 4] };
-        let members: Vec<_> = uniform.iter().filter(|q| leaves(&set, q)).collect();
-        for q in uniform {
-            let expected = leaves(&set, q);
-            assert!(set.margin(q).abs() < 1e-12 || (set.margin(q) >= 0.0) == expected, "{name}");
-            assert!(set.margin(q).abs() < 1e-12 || set.contains(q, 0.0) == expected, "{name}");
+        let found: Vec<(bool, f64, bool)> =
+            uniform.par_iter().map(|q| (leaves(&set, q), set.margin(q), set.contains(q, 0.0))).collect();
+        for (expected, margin, contained) in &found {
+            assert!(margin.abs() < 1e-12 || (*margin >= 0.0) == *expected, "{name}: {margin}");
+            assert!(margin.abs() < 1e-12 || contained == expected, "{name}: {margin}");
         }
+        let members: Vec<_> =
+            uniform.iter().zip(&found).filter(|(_, found)| found.0).map(|(q, _)| q).collect();
+        println!("{name}: {} of {}", members.len(), uniform.len());
         let drawn = set.sample(members.len(), 5).unwrap();
         assert_eq!(drawn[..3], set.sample(3, 5).unwrap()[..]);
         assert!(drawn.iter().all(|q| set.contains(q, 1e-8)), "{name}");
