@@ -31,10 +31,7 @@ def test_extended_jacobian_is_bounded_on_the_laps_of_the_paper():
     for point in points:
         arm, (extended, projected) = park_lap(point.q)
         fastest = np.abs(projected.qd).max()
-        # Minima of the manipulability lead to singularities of J; this arm has no speed limits, so that the freedom may
-        # there use half as much again as the task alone asks for.
-        ratio = 2.0 if point.kind == rd.Kind.MAXIMUM else 2.25
-        assert np.abs(extended.qd).max() <= ratio * fastest, (point, np.abs(extended.qd).max(), fastest)
+        assert np.abs(extended.qd).max() <= 2.0 * fastest, (point, np.abs(extended.qd).max(), fastest)
         t = extended.t
         wanted = np.c_[3.5 - 1.5 * np.cos(2 * np.pi * t), -1.5 * np.sin(2 * np.pi * t)]
         error = np.linalg.norm(arm.forward(extended.q)[:, :2, 3] - wanted, axis=1)
@@ -58,12 +55,10 @@ def lines_of_iiwa(count):
 
 
 def test_extended_jacobian_is_bounded_on_lines_of_a_seven_joint_arm():
-    # On lines 2, 10 and 26 the freedom must add little to what the task asks for near singularities.
+    # On lines 2, 10 and 26 the freedom must add little to what the task asks for near singularities; the optimum of line 29
+    # leads into one.
     lines = list(lines_of_iiwa(40))
     chosen = range(40) if FULL else [1, 2, 10, 26, 29]
-    # The optimum of this one leads into a singularity of J, which the projected gradient passes at a distance:
-    # there the task alone asks for more than twice the joint speed of that run.
-    singular = {29: 2.6}
     arm = rd.catalog.load("iiwa14")
     h = rd.JointRange(arm)
     bounded = 0
@@ -71,7 +66,7 @@ def test_extended_jacobian_is_bounded_on_lines_of_a_seven_joint_arm():
         q, way, path = lines[k]
         extended = rd.track(arm, rd.ExtendedJacobian(arm, h), path, q, 1e-3, 50.0)
         projected = rd.track(arm, rd.ProjectedGradient(arm, h, 1.0), path, q, 1e-3, 50.0)
-        bound = (1 + 1e-9) * np.maximum(singular.get(k, 2.0) * np.abs(projected.qd).max(), arm.velocity_limit)
+        bound = (1 + 1e-9) * np.maximum(2.0 * np.abs(projected.qd).max(), arm.velocity_limit)
         assert np.all(np.abs(extended.qd).max(axis=0) <= bound), (k, np.abs(extended.qd).max(axis=0), bound)
         tool = arm.forward(extended.q)[:, :3, 3]
         wanted = arm.forward(q)[:3, 3] + extended.t[:, None] * way

@@ -568,10 +568,14 @@ pub const ALGORITHMIC_THRESHOLD: f64 = 2e-3;
 
 /// Multiple of the fastest joint of the least motion that the task asks for up to which the extended Jacobian uses the
 /// freedom on joints without speed limits: a maximum of the manipulability that follows a closed path needs 1.45.
-pub const FREEDOM_SPEED_RATIO: f64 = 1.5;
+pub const FREEDOM_SPEED_RATIO: f64 = 1.6;
 
 /// The same for joints with a speed limit: more is fast near singularities, less keeps the arm from leaving them.
-pub const LIMITED_SPEED_RATIO: f64 = 1.25;
+pub const LIMITED_SPEED_RATIO: f64 = 1.2;
+
+/// Multiple of the damping's threshold from which on the extended Jacobian no longer uses the freedom to come nearer to a
+/// singularity of J: nearer ones make the task fast, farther ones keep the arm from its optimum.
+pub const KEEP_OFF_RATIO: f64 = 1.65;
 
 /// Length (rad or m) of the step along the freedom over which the change of the least singular value is seen.
 pub const SINGULARITY_STEP: f64 = 1e-4;

@@ -82,7 +82,6 @@ fn margins_of_long_sequences_are_reached_and_not_beaten() {
 #[test]
 fn memberships_of_five_rotations_by_brute_force() {
     let n = if full() { 100_000 } else { 400 };
-    let steps = 15;
     let volume = five();
     let bounds = volume.bounds().unwrap();
     let three = |from: f64| {
@@ -99,7 +98,7 @@ fn memberships_of_five_rotations_by_brute_force() {
         .filter(|q| rotation_angle(q, &middle) < 1.1)
         .take(n)
         .collect();
-    let by_grids = |q: &UnitQuaternion<f64>| {
+    let by_grids = |q: &UnitQuaternion<f64>, steps: usize| {
         let at = |first: f64, last: f64| {
             let outer = (first - bounds[0].1)
                 .min(bounds[0].2 - first)
@@ -129,7 +128,15 @@ fn memberships_of_five_rotations_by_brute_force() {
         }
         best
     };
-    let found: Vec<[f64; 2]> = probes.par_iter().map(|q| [volume.margin(q), by_grids(q)]).collect();
+    let found: Vec<[f64; 2]> = probes
+        .par_iter()
+        .map(|q| {
+            let margin = volume.margin(q);
+            // A coarse grid may end on a ridge: then one that is much finer decides.
+            let coarse = by_grids(q, 15);
+            [margin, if margin - coarse > 0.01 { coarse.max(by_grids(q, 75)) } else { coarse }]
+        })
+        .collect();
     let (mut members, mut missed, mut short, mut near, mut beaten) = (0, 0, 0.0_f64, 0, 0.0_f64);
     for [margin, best] in found {
         beaten = beaten.max(best - margin);

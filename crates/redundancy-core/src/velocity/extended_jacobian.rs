@@ -25,9 +25,9 @@
 //! freedom is scaled down until no joint is faster than the larger of its limit and [`LIMITED_SPEED_RATIO`] times the fastest
 //! joint of `J^+ v` ([`Resolver::speed_bound`]); of a joint without a limit [`FREEDOM_SPEED_RATIO`] times the fastest joint.
 //!
-//! The optimum of a criterion may lead into a singularity of J, where the task alone asks for fast joints. Where J is damped
-//! a motion of the freedom that lowers its least singular value is reduced by the square of that value's share of the
-//! damping's threshold.
+//! The optimum of a criterion may lead into a singularity of J, where the task alone asks for fast joints. Where the least
+//! singular value is below [`KEEP_OFF_RATIO`] times the damping's threshold, a motion of the freedom that lowers it further
+//! is reduced by the square of its share of that bound.
 
 use std::sync::Arc;
 
@@ -43,8 +43,8 @@ use crate::error::{Error, Result};
 use crate::kinematics::{Scratch, Task};
 use crate::status::Status;
 use crate::tolerance::{
-    ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, LIMITED_SPEED_RATIO, SINGULAR_RANK,
-    SINGULARITY_STEP,
+    ALGORITHMIC_THRESHOLD, FREE_SPEED, FREEDOM_SPEED_RATIO, JOINT_JUMP, KEEP_OFF_RATIO, LIMITED_SPEED_RATIO,
+    SINGULAR_RANK, SINGULARITY_STEP,
 };
 
 /// Extended Jacobian scheme [Park1996, eq. (5)].
@@ -166,8 +166,11 @@ impl ExtendedJacobian {
                 false
             }
         };
-        if let Some(damping) = self.damping.filter(|_| loss.any()) {
-            self.keep_off(input.q, damping.threshold);
+        if let Some(damping) = self.damping {
+            let near = KEEP_OFF_RATIO * damping.threshold;
+            if self.inverse.may_be_below(&factor, near) {
+                self.keep_off(input.q, near);
+            }
         }
         self.bound = if self.damping.is_some() { self.slow_down(qd) } else { None };
         qd.iter_mut().zip(&self.freedom).for_each(|(qd, free)| *qd += free);

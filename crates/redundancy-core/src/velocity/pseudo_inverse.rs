@@ -74,6 +74,14 @@ impl PseudoInverse {
         self.zero = SINGULAR_RANK * self.svd.sigma().iter().copied().fold(0.0, f64::max);
     }
 
+    /// Whether the least singular value may be below `size`; far from singularities by a bound.
+    pub fn may_be_below<const M: usize>(&self, factor: &Factor<M>, size: f64) -> bool {
+        match factor {
+            Factor::Regular(equations) => equations.bound() < size,
+            Factor::Values => self.svd.smallest() < size,
+        }
+    }
+
     /// What the inverse loses at this q.
     pub fn loss<const M: usize>(&self, factor: &Factor<M>) -> Loss {
         match factor {
