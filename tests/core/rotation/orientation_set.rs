@@ -134,7 +134,7 @@ fn memberships_of_five_rotations_by_brute_force() {
             let margin = volume.margin(q);
             // A coarse grid may end on a ridge: then one that is much finer decides.
             let coarse = by_grids(q, 15);
-            [margin, if margin - coarse > 0.01 { coarse.max(by_grids(q, 75)) } else { coarse }]
+            [margin, if margin - coarse > 0.05 { coarse.max(by_grids(q, 45)) } else { coarse }]
         })
         .collect();
     let (mut members, mut missed, mut short, mut near, mut beaten) = (0, 0, 0.0_f64, 0, 0.0_f64);
