@@ -12,7 +12,7 @@ export MPLBACKEND := Agg
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' -o -path '*/data/*' -type f)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name 'py.typed' -o -path '*/data/*' -type f)
 
-.PHONY: help demo test test-full format stubs lint features rust-test python-test examples package bench counts counts-store docs rustdoc api api-store release-wheel tools deny soak sweep compare wheel clean
+.PHONY: help demo test test-full format stubs lint features rust-test python-test examples package bench counts counts-store docs rustdoc api api-store release-wheel tools deny fuzz soak sweep compare wheel clean
 
 help:
 	@echo 'make demo       seven examples of track, plan and paint; trajectories and plots in out/demo'
@@ -25,7 +25,8 @@ help:
 	@echo 'make api        what has changed in the public Rust API since the stored listing'
 	@echo 'make wheel      build the package and install it in .venv'
 	@echo 'make release-wheel  a manylinux wheel and the source distribution, tested in empty environments'
-	@echo 'make tools      install cargo-deny and cargo-hack'
+	@echo 'make tools      install cargo-deny, cargo-fuzz and cargo-hack'
+	@echo 'make fuzz       readers and numeric entry points with cargo-fuzz (FUZZ_SECONDS=60 each, resumable)'
 	@echo 'make soak       readers and numeric entry points on mutated inputs (SOAK_SECONDS=60 each)'
 	@echo 'make sweep      random poses for every arm, with counts of misses (resumable)'
 	@echo 'make compare    the public benchmark against other libraries'
@@ -146,7 +147,7 @@ release-wheel: $(VENV)/.dev
 
 # What cargo itself does not bring; each is skipped where it is missing.
 tools:
-	@for tool in cargo-deny cargo-hack; do \
+	@for tool in cargo-deny cargo-fuzz cargo-hack; do \
 		command -v $$tool >/dev/null || cargo install --locked $$tool || echo "not installed: $$tool"; done
 
 # Licences, sources and doubles of the dependency tree; no network.
@@ -156,10 +157,17 @@ deny:
 
 # --- random inputs ----------------------------------------------------------------------------------------
 # Readers and numeric entry points on mutated inputs, SOAK_SECONDS for each; another SEED gives other inputs.
+# The same properties with cargo-fuzz and a stable compiler, FUZZ_SECONDS for each target; what has reached something new is kept
+# in fuzz/work. FUZZ='--readers 1000000 --numeric 100000000' goes on until that many executions are done.
+FUZZ_SECONDS ?= 60
+FUZZ ?=
+fuzz:
+	$(PYTHON) tools/fuzz.py --seconds $(FUZZ_SECONDS) $(FUZZ)
+
 SOAK_SECONDS ?= 60
 SEED ?= 1
 soak:
-	cd fuzz && cargo run --release --bin soak -- $(SOAK_SECONDS) $(SEED)
+	cd fuzz && cargo run --release --example soak -- $(SOAK_SECONDS) $(SEED)
 
 # --- measuring --------------------------------------------------------------------------------------------
 bench: $(VENV)/.bench $(VENV)/.wheel

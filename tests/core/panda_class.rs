@@ -3,8 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use rand::Rng;
-use redundancy_core::chain::{Chain, Limits, catalog};
+use redundancy_core::chain::{Chain, ChainBuilder, DhConvention, DhRow, Limits, catalog};
 use redundancy_core::criterion::{Criterion, JointRange};
+use redundancy_core::ik::{IkSettings, IkSolver};
 use redundancy_core::kinematics::Scratch;
 use redundancy_core::nalgebra::{Matrix6xX, Vector3};
 use redundancy_core::solutions::{PandaClassArm, PandaMotion, Solutions};
@@ -524,5 +525,63 @@ fn other_arms_are_refused_with_the_number() {
     for (name, what) in [("iiwa14", "axis 7 passes"), ("puma560", "6 joints"), ("dexter", "8 joints")] {
         let error = PandaClassArm::new(&catalog::load(name).unwrap()).unwrap_err();
         assert!(matches!(&error, Error::NotPandaClass { reason } if reason.contains(what)), "{error}");
+    }
+}
+
+/// The arm of a fuzzer: the chord has no component along the normal, so the room is rounding all around, and its changes of sign
+/// were followed to the last digit for minutes.
+#[test]
+fn curves_that_coincide_all_around_end() {
+    let turns = |k: i32| FRAC_PI_2 * f64::from(k);
+    let row = |a: f64, alpha: i32, theta: i32| DhRow { a, d: 0.0, alpha: turns(alpha), theta: turns(theta) };
+    let rows = [
+        row(0.0, 0, -3),
+        row(0.0, -3, -3),
+        row(0.0, 1, 1),
+        row(0.5, 0, -2),
+        row(-0.125, 0, 1),
+        row(0.0, -3, 0),
+        row(0.5, 0, 0),
+    ];
+    let chain = ChainBuilder::from_dh("arm", &rows, DhConvention::Modified).build().unwrap();
+    let arm = PandaClassArm::new(&chain).unwrap();
+    for q in [[0.0; 7], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]] {
+        let pose = chain.forward(&q).unwrap();
+        let motion = arm.self_motion(&pose).unwrap();
+        assert!(motion.pieces() <= 16, "{}", motion.pieces());
+        for piece in 0..motion.pieces() {
+            for u in [-2.0, 0.0, 1.3] {
+                let found = motion.q_at(piece, u).unwrap();
+                let error = pose_error(&chain.forward(&found).unwrap(), &pose);
+                assert!(error < 1e-9, "{piece} {u}: {error:e}");
+            }
+        }
+    }
+}
+
+/// Squares of such coordinates overflow; the curves of a Panda were then looked for forever, and the numeric solver gave an
+/// infinite error.
+#[test]
+fn positions_whose_squares_overflow_are_refused() {
+    let chain = catalog::load("panda").unwrap();
+    let (arm, solver) =
+        (PandaClassArm::new(&chain).unwrap(), IkSolver::new(&chain, IkSettings::default()).unwrap());
+    for far in [1e3, 1e9, 1e40, 1e60, -1.1e60, 1e236, f64::MAX] {
+        let mut pose = chain.forward(&[0.1, 0.2, -0.3, -1.5, 0.3, 1.5, 0.2]).unwrap();
+        pose.translation.vector.y = far;
+        let (motion, answer) = (arm.self_motion(&pose), solver.solve(&pose, None, 0));
+        if far.abs() <= 1e60 {
+            assert_eq!(motion.unwrap().status(), Status::Unreachable, "{far:e}");
+            let answer = answer.unwrap();
+            assert_eq!(answer.status, Status::Unreachable, "{far:e}");
+            assert!(chain.within_limits(&answer.q, 1e-9) && answer.position_error.is_finite(), "{answer:?}");
+        } else {
+            for error in [motion.unwrap_err(), answer.unwrap_err()] {
+                assert!(
+                    error.to_string().contains("position of pose") && error.to_string().contains("1e60"),
+                    "{error}"
+                );
+            }
+        }
     }
 }

@@ -589,3 +589,35 @@ fn the_quantities_fit_the_configurations() {
         }
     }
 }
+
+/// With a straight elbow the swivel moves joints 3 and 5 alone: a joint that stands at its limit stays there, and rounding must
+/// not decide on which side.
+#[test]
+fn a_straight_arm_at_a_limit_is_legal() {
+    let chain = catalog::load("iiwa14").unwrap();
+    let arm = SrsArm::new(&chain).unwrap();
+    let mut rng = rng(24);
+    for case in 0..amount(400, 20_000) {
+        let mut q: [f64; 7] =
+            std::array::from_fn(|i| 0.9 * rng.random_range(chain.lower()[i]..chain.upper()[i]));
+        q[3] = 0.0;
+        let joint = [0, 1, 5, 6][case % 4];
+        q[joint] = if case % 8 < 4 { chain.lower()[joint] } else { chain.upper()[joint] };
+        let motion = arm.self_motion(&chain.forward(&q).unwrap()).unwrap();
+        assert_eq!(motion.status(), Status::Converged, "{q:?}: {}", motion.reason());
+        let near = motion.nearest(&q).unwrap().unwrap();
+        assert!(chain.within_limits(&near.q, 0.0) || chain.within_limits(&near.q, -1e-12), "{near:?}");
+        for branch in motion.branches() {
+            for [lo, hi] in branch.intervals(0.0).unwrap() {
+                let found = branch.q(0.5 * (lo + hi)).unwrap();
+                for i in 0..7 {
+                    let slack = 1e-9;
+                    assert!(
+                        (chain.lower()[i] - slack..=chain.upper()[i] + slack).contains(&found[i]),
+                        "{found:?} of {q:?}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -760,3 +760,46 @@ fn drift_over_closed_cycles() {
     }
     println!("{report}");
 }
+
+/// Squares of such numbers overflow, and an infinite scale gives joint velocities that are no numbers.
+#[test]
+fn velocities_whose_squares_overflow_are_refused() {
+    let arm = catalog::load("panda").unwrap();
+    let (q, zero) = ([0.1, 0.4, -0.2, -1.5, 0.3, 1.6, 0.2], [0.0; 7]);
+    let mut scheme = SaturatedNullspace::new(&arm, None, Gain::Constant(1.0), Task::POSE, None).unwrap();
+    let mut qd = [0.0; 7];
+    for size in [1e10, 1e59, -1e60, 1.001e60, 1e246, -1e300, f64::MAX] {
+        for which in 0..3 {
+            let (mut velocity, mut before, mut wish) = ([0.1; 6], zero, zero);
+            match which {
+                0 => velocity = [size; 6],
+                1 => before[1] = size,
+                _ => wish[3] = size,
+            }
+            let input = StepInput {
+                q: &q,
+                velocity: &velocity,
+                dt: Some(0.01),
+                qd: Some(&before),
+                wish: Some(&wish),
+            };
+            match scheme.step(&input, &mut qd) {
+                Ok(step) => {
+                    assert!(f64::abs(size) <= 1e60, "{input:?}: {step:?}");
+                    assert!(
+                        (0.0..=1.0).contains(&step.scale) && qd.iter().all(|x| x.abs() <= 3.0),
+                        "{input:?}: {qd:?}"
+                    );
+                }
+                Err(error) => {
+                    assert!(f64::abs(size) > 1e60, "{input:?}: {error}");
+                    let text = error.to_string();
+                    assert!(
+                        text.contains(["task_velocity", "qd", "wish"][which]) && text.contains("1e60"),
+                        "{text}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,5 +1,7 @@
 //! Errors: invalid input. The outcome of a computation on valid input is a [`Status`](crate::Status), never an error.
 
+use crate::tolerance::LARGEST_RATE;
+
 /// The caller's mistake: it names the thing, the value, the bound and, for names, the valid ones.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -161,4 +163,16 @@ fn plain(value: f64) -> String {
 pub(crate) fn check_vector(what: &str, values: &[f64], expected: usize) -> Result<()> {
     check_length(what, values, expected)?;
     check_finite(what, values)
+}
+
+/// A vector of rates that a control step takes: its length, finite, and of a size whose squares are finite.
+pub(crate) fn check_rates(what: &str, values: &[f64], expected: usize) -> Result<()> {
+    check_vector(what, values, expected)?;
+    match values.iter().find(|x| x.abs() > LARGEST_RATE) {
+        None => Ok(()),
+        Some(value) => {
+            let bound = format!("at most {LARGEST_RATE:e} in size");
+            Err(Error::OutOfRange { what: what.into(), value: *value, bound })
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{IsometryMatrix3, Matrix3, Rotation3, Translation3, Vector3};
 
 use crate::error::{Error, Result, check_finite, check_vector};
-use crate::tolerance::{ROTATION_NEAR, ROTATION_ORTHONORMAL};
+use crate::tolerance::{LARGEST_POSITION, ROTATION_NEAR, ROTATION_ORTHONORMAL};
 
 /// Position in metres and rotation matrix. Kinematics work on matrices, so no conversion is hidden in it.
 pub type Pose = IsometryMatrix3<f64>;
@@ -108,8 +108,8 @@ fn near_rotation(rotation: &Matrix3<f64>) -> std::result::Result<Matrix3<f64>, N
 
 /// [`checked_pose`] for a control step: `None` instead of an error, and nothing is allocated.
 pub(crate) fn rigid_pose(pose: &Pose) -> Option<Pose> {
-    let finite = pose.translation.vector.iter().chain(pose.rotation.matrix()).all(|x| x.is_finite());
-    if !finite {
+    let near = pose.translation.vector.iter().all(|x| x.abs() <= LARGEST_POSITION);
+    if !(near && pose.rotation.matrix().iter().all(|x| x.is_finite())) {
         return None;
     }
     let rotation = near_rotation(pose.rotation.matrix()).ok()?;
@@ -141,6 +141,10 @@ pub fn pose_to_row_major(pose: &Pose) -> [f64; 16] {
 /// The pose that a caller has built, by the rule of [`pose_from_row_major`].
 pub(crate) fn checked_pose(what: &str, pose: &Pose) -> Result<Pose> {
     check_finite(what, pose.translation.vector.as_slice())?;
+    if let Some(value) = pose.translation.vector.iter().find(|x| x.abs() > LARGEST_POSITION) {
+        let bound = format!("at most {LARGEST_POSITION:e} m in size");
+        return Err(Error::OutOfRange { what: format!("position of {what}"), value: *value, bound });
+    }
     check_finite(what, pose.rotation.matrix().as_slice())?;
     let rotation = checked_rotation(what, pose.rotation.matrix())?;
     Ok(Pose::from_parts(pose.translation, Rotation3::from_matrix_unchecked(rotation)))

@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3, Vector6};
 use super::pose_error::PoseError;
 use super::scratch::Kinematics;
 use crate::chain::axis_onto_z;
-use crate::error::{Error, Result, check_vector};
+use crate::error::{Error, Result, check_rates};
 use crate::joint_space::difference;
 use crate::pose::Pose;
 use crate::rotation::to_rpy;
@@ -252,9 +252,10 @@ impl Task {
     /// linear and an angular velocity whose spin about the tool axis does not count.
     ///
     /// # Errors
-    /// Other than [`Task::velocity_len`] numbers, or one that is not finite.
+    /// Other than [`Task::velocity_len`] numbers, one that is not finite, or one above `tolerance::LARGEST_RATE`, whose square
+    /// would overflow.
     pub fn velocity(&self, pose: &Pose, given: &[f64]) -> Result<Vector6<f64>> {
-        check_vector("task_velocity", given, self.velocity_len())?;
+        check_rates("task_velocity", given, self.velocity_len())?;
         let mut out = Vector6::zeros();
         out.as_mut_slice()[..given.len()].copy_from_slice(given);
         Ok(if self.kind == TaskKind::Pointing { self.from_twist(pose, &out) } else { out })

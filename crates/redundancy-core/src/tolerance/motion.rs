@@ -89,3 +89,10 @@ pub const CHECK_LINK_RADIUS: f64 = 0.05;
 pub const JOIN_POSITION: f64 = 1e-6;
 /// See [`JOIN_POSITION`].
 pub const JOIN_VELOCITY: f64 = 1e-6;
+
+/// Largest size of a task velocity, a task acceleration, a joint velocity or a wish that a control step takes (SI units): products
+/// of four such numbers with the inverses of small singular values are still finite.
+pub const LARGEST_RATE: f64 = 1e60;
+
+/// Largest coordinate of the position of a pose that is taken (m): its fourth power is still finite.
+pub const LARGEST_POSITION: f64 = 1e60;

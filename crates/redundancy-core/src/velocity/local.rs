@@ -8,7 +8,7 @@ use super::step_size::Gain;
 use super::{AccelerationInput, StepInput};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
-use crate::error::{Error, Result, check_vector};
+use crate::error::{Error, Result, check_rates};
 use crate::kinematics::{Kinematics, MiddleFrame, Scratch, Task};
 
 /// An arm, a task, a criterion, and the memory for one step.
@@ -69,10 +69,10 @@ impl Local {
         self.chain.check_q(input.q)?;
         crate::error::check_length("joint velocity", out, n)?;
         if let Some(qd) = input.qd {
-            check_vector("qd", qd, n)?;
+            check_rates("qd", qd, n)?;
         }
         if let Some(wish) = input.wish {
-            check_vector("wish", wish, n)?;
+            check_rates("wish", wish, n)?;
         }
         if let Some(dt) = input.dt
             && !(dt.is_finite() && dt > 0.0)

@@ -23,7 +23,7 @@ use super::hierarchy::Hierarchy;
 use super::{ActiveLimit, StepInput};
 use crate::chain::Chain;
 use crate::criterion::Criterion;
-use crate::error::{Error, Result, check_finite, check_length, check_vector};
+use crate::error::{Error, Result, check_finite, check_length, check_rates};
 use crate::kinematics::{Kinematics, Scratch, Task};
 use crate::pose::Pose;
 use crate::rotation::unit_direction;
@@ -285,7 +285,7 @@ impl PrioritizedNullspace {
         self.chain.check_q(input.q)?;
         check_length("joint velocity", qd, n)?;
         for (what, given) in [("qd", input.qd), ("wish", input.wish)] {
-            given.map_or(Ok(()), |given| check_vector(what, given, n))?;
+            given.map_or(Ok(()), |given| check_rates(what, given, n))?;
         }
         if velocities.len() != self.tasks.len() {
             let (expected, actual) = (self.tasks.len(), velocities.len());

@@ -29,6 +29,9 @@ use crate::tolerance::{ARC_BAND, ARC_BEND, REACH_ROUNDING, ROOM_ROUNDING, ROOT_W
 
 /// Parts into which a ring is cut at first; multiples of a quarter turn are among the cuts.
 const PARTS: usize = 32;
+/// Most parts of a ring that are looked at: where the room is nothing but rounding it changes its sign everywhere. Usual are
+/// some hundred. The proof of `proof.rs` does not decide such a ring, so that nothing is called proven.
+const MOST_PARTS: usize = 20_000;
 
 /// Which of the cases of the module.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -193,9 +196,15 @@ impl Ring {
         let mut most = samples[0];
         let mut roots = SmallVec::<[f64; 16]>::new();
         let mut stack: SmallVec<[[Sample; 2]; 96]> = samples.windows(2).map(|p| [p[0], p[1]]).collect();
+        let rounding = ROOM_ROUNDING * (target.mean_x + target.mean_y);
+        let mut looked = 0;
         while let Some([a, b]) = stack.pop() {
             if b.room > most.room {
                 most = b;
+            }
+            looked += 1;
+            if looked > MOST_PARTS {
+                continue;
             }
             match crossing(&a, &b) {
                 Crossing::None => {}
@@ -212,10 +221,13 @@ impl Ring {
                 }
             }
         }
+        if looked > MOST_PARTS && most.room <= rounding {
+            // The two curves of the ring coincide all around.
+            roots.clear();
+        }
         roots.sort_unstable_by(f64::total_cmp);
         let ring = *self;
         if roots.is_empty() {
-            let rounding = ROOM_ROUNDING * (target.mean_x + target.mean_y);
             let sheets = if most.room > 0.0 {
                 [1.0, -1.0].into_iter().map(|sign| Sheet::Whole { ring, sign }).collect()
             } else if most.room > -rounding {

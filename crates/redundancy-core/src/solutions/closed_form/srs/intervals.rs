@@ -5,7 +5,8 @@
 //!
 //! All roots are kept, also those of `l + pi`: they cover the jump at a gimbal and belong to the branches of the other
 //! sign. Sorted, they cut the circle into arcs on which nothing changes; one test at the midpoint of each, by the
-//! signs of the sinusoids, serves all eight branches. Cost: about 2 us for 7 joints and 8 branches.
+//! signs of the sinusoids, serves all eight branches. The test has a slack: over a straight elbow most joints do not move with
+//! the swivel, and rounding must not decide whether one that stands at its limit is legal. Cost: about 2 us for 7 joints and 8 branches.
 //!
 //! A joint whose range covers a turn limits nothing: some winding always holds.
 
@@ -193,10 +194,10 @@ impl Arcs {
             mask
         };
         if cuts.is_empty() {
-            return Self { arcs: vec![mask(0.0, 0.0)], ..none };
+            return Self { arcs: vec![mask(0.0, LIMIT_SLACK)], ..none };
         }
         let arcs: Vec<u8> =
-            (0..cuts.len()).map(|i| mask(0.5 * (cuts[i] + around(&cuts, i + 1)), 0.0)).collect();
+            (0..cuts.len()).map(|i| mask(0.5 * (cuts[i] + around(&cuts, i + 1)), LIMIT_SLACK)).collect();
         let points = (0..cuts.len())
             .map(|i| {
                 let beside = arcs[i] | arcs[if i == 0 { arcs.len() - 1 } else { i - 1 }];
