@@ -142,6 +142,41 @@ def test_a_map_holds_what_the_core_says(undisturbed: Path) -> None:
     assert 0.0 < found.reach_share < 1.0
 
 
+def test_a_map_answers_with_the_freedom_scene_and_links_that_it_was_made_with(tmp_path: Path) -> None:
+    pytest.importorskip("zarr", reason="needs the extra 'maps'")
+    chain = rd.catalog.load("ur5e")
+    scene = rd.Scene(
+        [rd.Sphere((0.1 + 0.2, 0.7, 1.0 / 3.0), 0.11, name="ball")], allowed=[("ball", chain.link_names[2])]
+    )
+    given: dict[str, Any] = {
+        "freedom": rd.ToolFreedom(0.1, 0.3, (0.6, 0.0, 0.8)),
+        "scene": scene,
+        "links": rd.LinkGeometry(chain, 0.05),
+    }
+    region = ((-0.4, 0.4), (0.3, 0.3), (0.2, 0.6))
+    names = ("reachable", "margin", "spin_share", "clearance")
+    job = rd.maps.capability(
+        chain, tmp_path / "map.zarr", 0.4, 3, region=region, metrics=names, chunk_poses=9, **given
+    )
+    found = job.open()
+    for chunk in range(job.chunks):
+        poses, stored = found.poses(chunk), found.chunk(chunk)
+        query = found.query(poses)
+        wanted = rd.maps.metrics(chain, poses, names, **given)
+        for name in names:
+            assert np.array_equal(getattr(query, name), wanted[name])
+            assert np.array_equal(stored[name].ravel(), wanted[name].astype(stored[name].dtype))
+    assert np.isfinite(found.best("clearance")).any()
+    # Without them the answers are others: they do count.
+    alone = rd.maps.metrics(chain, poses, names[:3])
+    assert not np.array_equal(alone["margin"], query.margin)
+    other = rd.Scene([rd.Sphere((0.3, 0.7, 0.3), 0.12, name="ball")])
+    with pytest.raises(rd.RedundancyError, match="scene: "):
+        rd.maps.capability(
+            chain, tmp_path / "map.zarr", 0.4, 3, region=region, metrics=names, **{**given, "scene": other}
+        )
+
+
 def test_verdicts_agree_with_brute_force(undisturbed: Path) -> None:
     found = rd.maps.open(undisturbed)
     arm = rd.SrsArm(found.chain)

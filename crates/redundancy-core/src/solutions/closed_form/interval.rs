@@ -80,6 +80,10 @@ impl Enclosure for Interval {
         self.common(other)
     }
 
+    fn widened(self, slack: f64) -> Self {
+        Self { lo: self.lo - slack, hi: self.hi + slack }
+    }
+
     fn squared(self) -> Self {
         let (a, b) = (self.lo * self.lo, self.hi * self.hi);
         if self.contains(0.0) { Self { lo: 0.0, hi: a.max(b) } } else { between(a, b) }
@@ -174,6 +178,8 @@ pub(super) trait Enclosure:
     /// What two expressions of the same quantity say together.
     fn both(self, other: Self) -> Self;
     fn scaled(self, factor: f64) -> Self;
+    /// More by up to `slack` to either side.
+    fn widened(self, slack: f64) -> Self;
     fn squared(self) -> Self;
     /// Roots of what is not negative.
     fn root(self) -> Self;

@@ -14,24 +14,24 @@ use crate::joint_space::nearest;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sloped {
     value: Interval,
-    /// At the parameter 0.
-    middle: f64,
+    /// At the parameter 0; a range where rounding is covered.
+    middle: Interval,
     /// Of the derivative; unbounded where nothing is known.
     rate: Interval,
 }
 
 impl Sloped {
     /// From all values, the value in the middle and all derivatives.
-    pub fn new(value: Interval, middle: f64, rate: Interval) -> Self {
+    pub fn new(value: Interval, middle: Interval, rate: Interval) -> Self {
         let rate = if rate.lo.is_nan() || rate.hi.is_nan() { Interval::ALL } else { rate };
-        let by_slope = point(middle) + rate * Interval { lo: -1.0, hi: 1.0 };
+        let by_slope = middle + rate * Interval { lo: -1.0, hi: 1.0 };
         Self { value: value.common(by_slope), middle, rate }
     }
 }
 
 impl Enclosure for Sloped {
     fn constant(x: f64) -> Self {
-        Self { value: point(x), middle: x, rate: point(0.0) }
+        Self { value: point(x), middle: point(x), rate: point(0.0) }
     }
 
     fn range(self) -> Interval {
@@ -45,19 +45,23 @@ impl Enclosure for Sloped {
     fn scaled(self, factor: f64) -> Self {
         Self {
             value: self.value.scaled(factor),
-            middle: self.middle * factor,
+            middle: self.middle.scaled(factor),
             rate: self.rate * point(factor),
         }
     }
 
+    fn widened(self, slack: f64) -> Self {
+        Self { value: self.value.widened(slack), middle: self.middle.widened(slack), ..self }
+    }
+
     fn squared(self) -> Self {
         let rate = (self.value * self.rate).scaled(2.0);
-        Self::new(self.value.squared(), self.middle * self.middle, rate)
+        Self::new(self.value.squared(), self.middle.squared(), rate)
     }
 
     fn root(self) -> Self {
         let value = self.value.root();
-        Self::new(value, self.middle.max(0.0).sqrt(), self.rate * value.inverse().scaled(0.5))
+        Self::new(value, self.middle.root(), self.rate * value.inverse().scaled(0.5))
     }
 
     fn cos(self) -> Self {
@@ -70,7 +74,7 @@ impl Enclosure for Sloped {
 
     fn acos(self) -> Self {
         let value = self.value.acos();
-        let middle = self.middle.clamp(-1.0, 1.0).acos();
+        let middle = self.middle.acos();
         // Between 0 and pi; sines at the ends bound those between.
         let sine = Interval { lo: value.lo.sin().min(value.hi.sin()), hi: value.sin().hi };
         Self::new(value, middle, -(self.rate * sine.inverse()))
@@ -80,7 +84,9 @@ impl Enclosure for Sloped {
         let value = Interval::angle_of(x.value, y.value);
         let squared = x.value.squared() + y.value.squared();
         let turned = x.value * y.rate - y.value * x.rate;
-        let middle = nearest(y.middle.atan2(x.middle), value.middle());
+        let middle = Interval::angle_of(x.middle, y.middle);
+        let turn = nearest(middle.middle(), value.middle()) - middle.middle();
+        let middle = middle + point(turn);
         Self::new(value, middle, turned * squared.inverse())
     }
 }

@@ -19,7 +19,7 @@ use super::target::Target;
 use crate::joint_space::TURN;
 use crate::solutions::closed_form::interval::{Enclosure, Interval, between, point};
 use crate::solutions::closed_form::slope::Sloped;
-use crate::tolerance::{PROOF_MARGIN, PROOF_SHORTEST};
+use crate::tolerance::{PROOF_MARGIN, PROOF_ROOM, PROOF_SHORTEST};
 
 /// Parts of a ring at first.
 const PARTS: usize = 32;
@@ -171,7 +171,7 @@ impl<'a> Proof<'a> {
         }
         let at = ring.ranges(point(0.5 * (a + b)));
         let half = 0.5 * (b - a);
-        let sloped = |value, at: Interval, rate: Interval| Sloped::new(value, at.middle(), rate.scaled(half));
+        let sloped = |value, at: Interval, rate: Interval| Sloped::new(value, at, rate.scaled(half));
         let [x, y] = over.rates;
         self.rules_out(sloped(over.x, at.x, x), sloped(over.y, at.y, y), margin)
     }
@@ -196,7 +196,8 @@ impl<'a> Proof<'a> {
         let arm = E::angle_of(E::sinusoid(self.arm[1], y), E::sinusoid(self.arm[2], y));
         let hand = E::angle_of(E::sinusoid(self.hand[1], x), E::sinusoid(self.hand[2], x));
         let across6 = across.scaled(cos) - g.scaled(sin);
-        let root = room.root();
+        // Where the room is nearly 0 its root magnifies rounding.
+        let root = room.widened(PROOF_ROOM).root();
         [root, -root].into_iter().all(|normal| {
             let five = arm - E::angle_of(across, normal);
             let six = E::angle_of(across6, normal) - hand;

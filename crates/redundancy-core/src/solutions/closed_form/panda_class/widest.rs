@@ -107,12 +107,13 @@ impl PandaMotion {
         Some(Solution { q, piece, u: wrap(end.u), value, proven: false })
     }
 
-    /// Whether no configuration has a margin above `value` by more than the rounding of the ends of arcs.
+    /// Whether no configuration has a margin above `value` by more than the rounding of the ends of arcs. Next to the end of a lens
+    /// joints move with the root of the parameter of the ring, so that parts have to become as short as its rounding allows.
     pub(super) fn has_no_margin_above(&self, value: f64) -> bool {
         if value == f64::INFINITY {
             return true;
         }
-        Proof::new(&self.arm.inner, &self.target).nothing_with_margin(value + EDGE_ROUNDING, OPTIMUM_GAP)
+        Proof::new(&self.arm.inner, &self.target).nothing_with_margin(value + EDGE_ROUNDING, EDGE_FOUND)
     }
 
     /// Radians of joint 7 at which some configuration holds the limits.
