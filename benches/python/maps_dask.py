@@ -260,7 +260,8 @@ def measure(poses: int) -> bool:
                 print(json.dumps(result(process)))
             per_chunk = rd.maps.open(alone).poses(0).shape[0]
             print(
-                f"through Dask {rates[0] * per_chunk:,.0f} poses/s, bare core {rates[1] * per_chunk:,.0f}/s, ratio {rates[0] / rates[1]:.3f}"
+                f"through Dask {rates[0] * per_chunk:,.0f} poses/s, bare core {rates[1] * per_chunk:,.0f}/s, "
+                f"ratio {rates[0] / rates[1]:.3f}"
             )
             print(f"{len(ratios)} turns, median ratio {np.median(ratios):.3f}, load {os.getloadavg()[0]:.1f}")
         finally:
@@ -272,7 +273,8 @@ def measure(poses: int) -> bool:
         total = count[0] * count[1] * count[2] * DIRECTIONS
         size = sum(f.stat().st_size for f in through.rglob("*") if f.is_file())
         print(
-            f"{total} verdicts, {size / total:.3f} bytes each, stores {'bit-equal' if equal else 'DIFFER'}, all done {bool(found.done.all())}"
+            f"{total} verdicts, {size / total:.3f} bytes each, stores {'bit-equal' if equal else 'DIFFER'}, "
+            f"all done {bool(found.done.all())}"
         )
         print("peak resident memory, MiB:", memory.peaks)
         small = all(
