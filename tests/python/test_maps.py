@@ -1,6 +1,7 @@
 """Maps: margins against bisection, stores that survive what befalls them, placements against exhaustive search."""
 
 import hashlib
+import json
 import os
 import signal
 import subprocess
@@ -386,6 +387,30 @@ def test_placements_are_those_of_an_exhaustive_search(placed: Any) -> None:
         else:
             assert plan.status is not rd.Status.CONVERGED
             assert p.reason
+
+
+@pytest.mark.skipif(not FULL, reason="841 plans: needs REDUNDANCY_TEST_FULL=1")
+@pytest.mark.parametrize("name", ["iiwa14_raster_pose", "panda_raster_pose"])
+def test_the_best_placement_is_that_of_ten_times_as_many(name: str, tmp_path: Path) -> None:
+    """The margin of the best of 841 placements is found with a tenth of the plans."""
+    pytest.importorskip("zarr", reason="needs the extra 'maps'")
+    folder = Path(__file__).parents[1] / "golden" / "plan_cases"
+    case = next(c for c in json.loads((folder / "cases.json").read_text()) if c["name"] == name)
+    chain = rd.Chain.from_urdf(folder / case["urdf"], base=case["base"], tip=case["tip"])
+    path = rd.Path(rd.Path.from_csv(folder / case["path"]).poses[::20])
+    area, options = ((-0.2, 0.2), (-0.2, 0.2)), {"self_collision": False}
+    job = rd.maps.place(chain, path, area, 0.05, 1, out=tmp_path / "place.zarr", **options)
+    steps = np.linspace(-0.2, 0.2, 29)
+    best = -np.inf
+    for x in steps:
+        for y in steps:
+            plan = rd.plan(chain.with_base(rd.pose((x, y, 0.0)) @ chain.base), path, **options)
+            if plan.status is rd.Status.CONVERGED:
+                best = max(best, float(plan.margin.min()))
+    assert job.best[0].status is rd.Status.CONVERGED
+    assert best > 0.0
+    assert job.best[0].margin >= min(best - 0.01, 0.99 * best)
+    assert job.planned <= len(steps) ** 2 / 10
 
 
 def test_placements_are_kept(placed: Any) -> None:
