@@ -206,6 +206,19 @@ def test_a_store_of_another_arm_or_setting_is_refused(undisturbed: Path) -> None
         rd.maps.open(undisturbed.parent)
 
 
+def test_what_is_refused_leaves_no_store(tmp_path: Path) -> None:
+    pytest.importorskip("zarr", reason="needs the extra 'maps'")
+    chain, path = rd.catalog.load("iiwa14"), tmp_path / "map.zarr"
+    with pytest.raises(rd.RedundancyError, match="needs a scene"):
+        rd.maps.capability(chain, path, **SMALL, metrics=("clearance",))
+    assert not path.exists()
+    path.write_text("a file")
+    with pytest.raises(rd.RedundancyError, match="is a file, expected the folder of a map"):
+        rd.maps.capability(chain, path, **SMALL)
+    with pytest.raises(rd.RedundancyError, match="is a file, expected a folder of placements"):
+        rd.maps.place(chain, [np.eye(4)], ((0, 0), (0, 0)), 0.1, 1, out=path)
+
+
 def test_a_stopped_call_goes_on_where_it_was(undisturbed: Path, tmp_path: Path) -> None:
     chain, path = rd.catalog.load("iiwa14"), tmp_path / "map.zarr"
     first = rd.maps.capability(chain, path, time_limit=0.0, **SMALL)

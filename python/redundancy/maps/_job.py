@@ -163,6 +163,9 @@ def capability(
     plain = chain if isinstance(chain, _core.Chain) else chain.chain
     _check_settings(spacing, directions, spins, metrics, chunk_poses)
     path = Path(out)
+    # What the core refuses is refused before there is a store.
+    pose = np.eye(4)[None]
+    _core.pose_metrics(plain, pose, list(metrics), freedom, scene=scene, links=links)
     settings = {
         "spacing": float(spacing),
         "directions": int(directions),

@@ -297,6 +297,8 @@ class _Answers:
             )
             group.attrs["redundancy_place"] = provenance
             building.rename(path)
+        if not path.is_dir():
+            raise RedundancyError(f"'{path}' is a file, expected a folder of placements")
         try:
             self.group = zarr.open_group(str(path), mode="r+")
         except (FileNotFoundError, ValueError) as error:

@@ -106,6 +106,8 @@ class Store:
     def __init__(self, path: str | os.PathLike[str], *, write: bool = False) -> None:
         zarr = import_zarr()
         self.path = Path(path)
+        if self.path.exists() and not self.path.is_dir():
+            raise RedundancyError(f"'{self.path}' is a file, expected the folder of a map")
         try:
             self.group = zarr.open_group(str(self.path), mode="r+" if write else "r")
         except (FileNotFoundError, ValueError) as error:
