@@ -60,7 +60,7 @@ def links_to_text(links: _core.LinkGeometry) -> str:
 
 def links_from_text(chain: _core.Chain, text: str) -> _core.LinkGeometry:
     """The links of `links_to_text`."""
-    make: Callable[..., _core.LinkGeometry] = _core.LinkGeometry._from_parts  # type: ignore[attr-defined]
+    make: Callable[..., _core.LinkGeometry] = _core.LinkGeometry._from_parts
     return make(chain, text)
 
 
