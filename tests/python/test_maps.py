@@ -1,6 +1,7 @@
 """Maps: margins against bisection, stores that survive what befalls them, placements against exhaustive search."""
 
 import hashlib
+import json
 import os
 import signal
 import subprocess
@@ -142,6 +143,41 @@ def test_a_map_holds_what_the_core_says(undisturbed: Path) -> None:
     assert 0.0 < found.reach_share < 1.0
 
 
+def test_a_map_answers_with_the_freedom_scene_and_links_that_it_was_made_with(tmp_path: Path) -> None:
+    pytest.importorskip("zarr", reason="needs the extra 'maps'")
+    chain = rd.catalog.load("ur5e")
+    scene = rd.Scene(
+        [rd.Sphere((0.1 + 0.2, 0.7, 1.0 / 3.0), 0.11, name="ball")], allowed=[("ball", chain.link_names[2])]
+    )
+    given: dict[str, Any] = {
+        "freedom": rd.ToolFreedom(0.1, 0.3, (0.6, 0.0, 0.8)),
+        "scene": scene,
+        "links": rd.LinkGeometry(chain, 0.05),
+    }
+    region = ((-0.4, 0.4), (0.3, 0.3), (0.2, 0.6))
+    names = ("reachable", "margin", "spin_share", "clearance")
+    job = rd.maps.capability(
+        chain, tmp_path / "map.zarr", 0.4, 3, region=region, metrics=names, chunk_poses=9, **given
+    )
+    found = job.open()
+    for chunk in range(job.chunks):
+        poses, stored = found.poses(chunk), found.chunk(chunk)
+        query = found.query(poses)
+        wanted = rd.maps.metrics(chain, poses, names, **given)
+        for name in names:
+            assert np.array_equal(getattr(query, name), wanted[name])
+            assert np.array_equal(stored[name].ravel(), wanted[name].astype(stored[name].dtype))
+    assert np.isfinite(found.best("clearance")).any()
+    # Without them the answers are others: they do count.
+    alone = rd.maps.metrics(chain, poses, names[:3])
+    assert not np.array_equal(alone["margin"], query.margin)
+    other = rd.Scene([rd.Sphere((0.3, 0.7, 0.3), 0.12, name="ball")])
+    with pytest.raises(rd.RedundancyError, match="scene: "):
+        rd.maps.capability(
+            chain, tmp_path / "map.zarr", 0.4, 3, region=region, metrics=names, **{**given, "scene": other}
+        )
+
+
 def test_verdicts_agree_with_brute_force(undisturbed: Path) -> None:
     found = rd.maps.open(undisturbed)
     arm = rd.SrsArm(found.chain)
@@ -168,6 +204,19 @@ def test_a_store_of_another_arm_or_setting_is_refused(undisturbed: Path) -> None
         rd.maps.capability(shorter, undisturbed, **SMALL)
     with pytest.raises(rd.RedundancyError, match="not a store of a map"):
         rd.maps.open(undisturbed.parent)
+
+
+def test_what_is_refused_leaves_no_store(tmp_path: Path) -> None:
+    pytest.importorskip("zarr", reason="needs the extra 'maps'")
+    chain, path = rd.catalog.load("iiwa14"), tmp_path / "map.zarr"
+    with pytest.raises(rd.RedundancyError, match="needs a scene"):
+        rd.maps.capability(chain, path, **SMALL, metrics=("clearance",))
+    assert not path.exists()
+    path.write_text("a file")
+    with pytest.raises(rd.RedundancyError, match="is a file, expected the folder of a map"):
+        rd.maps.capability(chain, path, **SMALL)
+    with pytest.raises(rd.RedundancyError, match="is a file, expected a folder of placements"):
+        rd.maps.place(chain, [np.eye(4)], ((0, 0), (0, 0)), 0.1, 1, out=path)
 
 
 def test_a_stopped_call_goes_on_where_it_was(undisturbed: Path, tmp_path: Path) -> None:
@@ -351,6 +400,30 @@ def test_placements_are_those_of_an_exhaustive_search(placed: Any) -> None:
         else:
             assert plan.status is not rd.Status.CONVERGED
             assert p.reason
+
+
+@pytest.mark.skipif(not FULL, reason="841 plans: needs REDUNDANCY_TEST_FULL=1")
+@pytest.mark.parametrize("name", ["iiwa14_raster_pose", "panda_raster_pose"])
+def test_the_best_placement_is_that_of_ten_times_as_many(name: str, tmp_path: Path) -> None:
+    """The margin of the best of 841 placements is found with a tenth of the plans."""
+    pytest.importorskip("zarr", reason="needs the extra 'maps'")
+    folder = Path(__file__).parents[1] / "golden" / "plan_cases"
+    case = next(c for c in json.loads((folder / "cases.json").read_text()) if c["name"] == name)
+    chain = rd.Chain.from_urdf(folder / case["urdf"], base=case["base"], tip=case["tip"])
+    path = rd.Path(rd.Path.from_csv(folder / case["path"]).poses[::20])
+    area, options = ((-0.2, 0.2), (-0.2, 0.2)), {"self_collision": False}
+    job = rd.maps.place(chain, path, area, 0.05, 1, out=tmp_path / "place.zarr", **options)
+    steps = np.linspace(-0.2, 0.2, 29)
+    best = -np.inf
+    for x in steps:
+        for y in steps:
+            plan = rd.plan(chain.with_base(rd.pose((x, y, 0.0)) @ chain.base), path, **options)
+            if plan.status is rd.Status.CONVERGED:
+                best = max(best, float(plan.margin.min()))
+    assert job.best[0].status is rd.Status.CONVERGED
+    assert best > 0.0
+    assert job.best[0].margin >= min(best - 0.01, 0.99 * best)
+    assert job.planned <= len(steps) ** 2 / 10
 
 
 def test_placements_are_kept(placed: Any) -> None:

@@ -75,6 +75,10 @@ pub const PROOF_SHORTEST: f64 = 1e-7;
 /// What covers the rounding of a proof by intervals, rad and m^2: a thousand roundings of numbers of order 1.
 pub const PROOF_MARGIN: f64 = 1e-12;
 
+/// What covers the rounding of the room of a ring (m^2, of numbers of order 1) before its root is taken: the root next to 0
+/// magnifies it, so that a larger one would keep proofs from ending there.
+pub const PROOF_ROOM: f64 = 1e-14;
+
 /// Share of the bend of a part (the change of the rate, times its length) that counts beside what the cubic leaves of the
 /// trapezoid rule, which is nothing where the part is symmetric.
 pub const ARC_BEND: f64 = 0.05;

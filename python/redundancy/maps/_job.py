@@ -1,7 +1,6 @@
 """Filling a store: in this process, or through Dask."""
 
 import os
-import pickle
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from redundancy.maps._store import (
     differences,
     digest,
     import_zarr,
+    links_to_text,
 )
 from redundancy.status import Status
 
@@ -163,6 +163,9 @@ def capability(
     plain = chain if isinstance(chain, _core.Chain) else chain.chain
     _check_settings(spacing, directions, spins, metrics, chunk_poses)
     path = Path(out)
+    # What the core refuses is refused before there is a store.
+    pose = np.eye(4)[None]
+    _core.pose_metrics(plain, pose, list(metrics), freedom, scene=scene, links=links)
     settings = {
         "spacing": float(spacing),
         "directions": int(directions),
@@ -170,10 +173,15 @@ def capability(
         "region": None if region is None else np.asarray(region, dtype=float).tolist(),
         "metrics": list(metrics),
         "freedom": None if freedom is None else repr(freedom),
-        "scene": None if scene is None else digest(pickle.dumps(scene)),
-        "links": None if links is None else digest(pickle.dumps(links)),
+        "scene": None if scene is None else digest(scene.to_json()),
+        "links": None if links is None else digest(links_to_text(links)),
     }
-    store = _open_or_create(path, plain, settings, region, chunk_poses)
+    question = {
+        "freedom": None if freedom is None else list(freedom.__reduce__()[1]),
+        "scene": None if scene is None else scene.to_json(),
+        "links": None if links is None else links_to_text(links),
+    }
+    store = _open_or_create(path, plain, settings, question, region, chunk_poses)
     alone = client is None
     work = _Work(str(path.resolve()), plain, tuple(metrics), freedom, scene, links, threads if alone else 1)
     begin = time.perf_counter()
@@ -215,7 +223,12 @@ def _check_settings(
 
 
 def _open_or_create(
-    path: Path, chain: _core.Chain, settings: dict[str, Any], region: Any, chunk_poses: int
+    path: Path,
+    chain: _core.Chain,
+    settings: dict[str, Any],
+    question: dict[str, Any],
+    region: Any,
+    chunk_poses: int,
 ) -> Store:
     text = chain_to_text(chain)
     if path.exists():
@@ -239,6 +252,7 @@ def _open_or_create(
         "chain": text,
         "chain_sha256": digest(text),
         "version": _core.__version__,
+        "question": question,
         "settings": {
             **settings,
             "grid": {**vars(grid), "origin": list(grid.origin), "shape": list(grid.shape)},

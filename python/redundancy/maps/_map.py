@@ -107,6 +107,8 @@ class CapabilityMap:
     def query(self, poses: ArrayLike, *, threads: int | None = None) -> Query:
         """What the map holds, for any poses: evaluated by the core, exact, not looked up.
 
+        Freedom of the tool, scene and links are those that the map was made with.
+
         Args:
             poses: Poses `(N, 4, 4)` or `(4, 4)` in the world, m.
             threads: Threads to use; all cores by default.
@@ -115,12 +117,6 @@ class CapabilityMap:
             Arrays `(N,)`, one for each metric of the map.
 
         Raises:
-            RedundancyError: A pose that is not rigid or finite; a map with a freedom, scene or links, which a store
-                does not hold: call `maps.metrics` with them.
+            RedundancyError: A pose that is not rigid or finite.
         """
-        needs = [name for name in ("freedom", "scene", "links") if self.settings[name] is not None]
-        if needs:
-            made = " and ".join(needs)
-            message = f"the map was made with {made}, which it does not hold: call maps.metrics with them"
-            raise RedundancyError(message)
-        return Query(**metrics(self.chain, poses, self.metrics, threads=threads))
+        return Query(**metrics(self.chain, poses, self.metrics, threads=threads, **self._store.question()))

@@ -146,6 +146,16 @@ def _key(shift: Sequence[float]) -> tuple[float, ...]:
     return (*(round(v, 9) for v in (x, y, z)), round(math.cos(yaw), 9), round(math.sin(yaw), 9))
 
 
+def _moves(varies: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+    """Directions of a pattern search: all neighbours on the grid of positions, and turns to either side.
+
+    The margin is the least of several joints': it has ridges, which a search along the axes alone does not follow.
+    """
+    own = [(-1.0, 0.0, 1.0) if varies[axis] else (0.0,) for axis in range(3)]
+    moves = [np.array([x, y, z, 0.0]) for x in own[0] for y in own[1] for z in own[2] if x or y or z]
+    return moves + ([np.array([0.0, 0.0, 0.0, turn]) for turn in (1.0, -1.0)] if varies[3] else [])
+
+
 def judge_placement(question: _Question, shift: tuple[float, float, float, float]) -> dict[str, Any]:
     """One placement. Runs on a worker."""
     return question.judge(shift)
@@ -287,6 +297,8 @@ class _Answers:
             )
             group.attrs["redundancy_place"] = provenance
             building.rename(path)
+        if not path.is_dir():
+            raise RedundancyError(f"'{path}' is a file, expected a folder of placements")
         try:
             self.group = zarr.open_group(str(path), mode="r+")
         except (FileNotFoundError, ValueError) as error:
@@ -409,30 +421,31 @@ class _Placements:
         steps = np.where(axes > 0, [step, step or 0.0, step, yaw], 0.0)
         low, high = np.asarray(self.shifts).min(axis=0), np.asarray(self.shifts).max(axis=0)
         seen = {_key(shift) for shift in self.shifts}
+        moves = _moves(axes > 0)
         for _ in range(rounds):
             steps = 0.5 * steps
-            for axis in np.flatnonzero(steps):
-                for sign in (1.0, -1.0):
-                    shift = np.array(self.shifts[best])
-                    shift[axis] += sign * steps[axis]
-                    if axis < 3 and not low[axis] <= shift[axis] <= high[axis]:
-                        continue
-                    x, y, z, turn = (float(v) for v in shift)
-                    if _key((x, y, z, turn)) in seen:
-                        continue
-                    seen.add(_key((x, y, z, turn)))
-                    bound = self.question.bounds([(x, y, z, turn)], self.threads)[0]
-                    if bound[0] <= self.verdicts[best]["margin"]:
-                        continue
-                    self.shifts.append((x, y, z, turn))
-                    self.bounds.append(bound)
-                    new = len(self.shifts) - 1
-                    self.verdicts[new] = verdict = self.question.judge(self.shifts[new])
-                    self.planned += 1
-                    if verdict["status"] == "converged" and verdict["margin"] > self.verdicts[best]["margin"]:
-                        best = new
-                    if not self.report(0):
-                        return False
+            center = np.array(self.shifts[best])
+            near = []
+            for move in moves:
+                shift = center + move * steps
+                x, y, z, turn = (float(v) for v in shift)
+                if np.any(shift[:3] < low[:3]) or np.any(shift[:3] > high[:3]) or _key((x, y, z, turn)) in seen:
+                    continue
+                seen.add(_key((x, y, z, turn)))
+                near.append((x, y, z, turn))
+            bounds = self.question.bounds(near, self.threads) if near else []
+            for bound, place in sorted(zip(bounds, near, strict=True), key=lambda one: -one[0][0]):
+                if bound[0] <= self.verdicts[best]["margin"]:
+                    continue
+                self.shifts.append(place)
+                self.bounds.append(bound)
+                new = len(self.shifts) - 1
+                self.verdicts[new] = verdict = self.question.judge(place)
+                self.planned += 1
+                if verdict["status"] == "converged" and verdict["margin"] > self.verdicts[best]["margin"]:
+                    best = new
+                if not self.report(0):
+                    return False
         return True
 
     def placements(self) -> list[Placement]:

@@ -23,7 +23,7 @@ from redundancy.maps._grid import Grid
 
 __all__ = ["Store", "chain_from_text", "chain_to_text", "differences", "import_zarr"]
 
-FORMAT = 1
+FORMAT = 2
 _LOCK = "lock"
 FLAGS = ("reachable", "proven")
 
@@ -51,6 +51,17 @@ def chain_from_text(text: str) -> _core.Chain:
     """The chain of `chain_to_text`."""
     make: Callable[..., _core.Chain] = _core.Chain._from_parts  # type: ignore[attr-defined]
     return make(*_tuples(json.loads(text)))
+
+
+def links_to_text(links: _core.LinkGeometry) -> str:
+    """The shapes and pairs of the links as JSON; numbers keep all digits."""
+    return str(links.__reduce__()[1][1])
+
+
+def links_from_text(chain: _core.Chain, text: str) -> _core.LinkGeometry:
+    """The links of `links_to_text`."""
+    make: Callable[..., _core.LinkGeometry] = _core.LinkGeometry._from_parts
+    return make(chain, text)
 
 
 def digest(text: str | bytes) -> str:
@@ -95,6 +106,8 @@ class Store:
     def __init__(self, path: str | os.PathLike[str], *, write: bool = False) -> None:
         zarr = import_zarr()
         self.path = Path(path)
+        if self.path.exists() and not self.path.is_dir():
+            raise RedundancyError(f"'{self.path}' is a file, expected the folder of a map")
         try:
             self.group = zarr.open_group(str(self.path), mode="r+" if write else "r")
         except (FileNotFoundError, ValueError) as error:
@@ -133,6 +146,16 @@ class Store:
     def chain(self) -> _core.Chain:
         """The arm."""
         return chain_from_text(self.provenance["chain"])
+
+    def question(self) -> dict[str, Any]:
+        """The arguments of `maps.metrics` besides arm and metrics that the values were made with."""
+        held = self.provenance["question"]
+        freedom, scene, links = held["freedom"], held["scene"], held["links"]
+        return {
+            "freedom": None if freedom is None else _core.ToolFreedom(*freedom),
+            "scene": None if scene is None else _core.Scene.from_json_string(scene),
+            "links": None if links is None else links_from_text(self.chain(), links),
+        }
 
     def done(self) -> NDArray[np.bool_]:
         """Which chunks are done."""

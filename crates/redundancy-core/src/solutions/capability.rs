@@ -248,31 +248,37 @@ impl Capability {
         let mut out = Measures::NONE;
         let needs_margin = [Metric::Margin, Metric::Proven, Metric::Manipulability, Metric::Clearance];
         let free = !self.settings.freedom.is_none();
-        if self.asks(Metric::SwivelMeasure) {
-            out.swivel_measure = self.solutions(pose)?.feasible_measure()?;
+        let wants_margin = needs_margin.into_iter().any(|metric| self.asks(metric));
+        let set = if self.asks(Metric::SwivelMeasure) || wants_margin && !free {
+            Some(self.solutions(pose)?)
+        } else {
+            None
+        };
+        if let Some(set) = set.as_ref().filter(|_| self.asks(Metric::SwivelMeasure)) {
+            out.swivel_measure = set.feasible_measure()?;
         }
         if self.asks(Metric::SpinShare) {
             out.spin_share = self.spin_share(pose, memory)?;
         }
-        if !needs_margin.into_iter().any(|metric| self.asks(metric)) {
+        if !wants_margin {
             if self.asks(Metric::Reachable) {
                 out.reachable = self.reaches(pose, &mut memory.q)?
                     || free && self.best_of_freedom(pose)?.is_some_and(|best| best.value >= -LIMIT_SLACK);
             }
             return Ok(out);
         }
-        let best = if free {
-            self.best_of_freedom(pose)?
-        } else {
-            let set = self.solutions(pose)?;
-            let best = set.best_margin()?;
-            if self.asks(Metric::Proven) {
-                out.proven = match &best {
-                    Some(best) => best.proven || set.proves_margin(best.value),
-                    None => set.proven(),
-                };
+        let best = match &set {
+            Some(set) if !free => {
+                let best = set.best_margin()?;
+                if self.asks(Metric::Proven) {
+                    out.proven = match &best {
+                        Some(best) => best.proven || set.proves_margin(best.value),
+                        None => set.proven(),
+                    };
+                }
+                best
             }
-            best
+            _ => self.best_of_freedom(pose)?,
         };
         if let Some(best) = best {
             out.reachable = best.value >= -LIMIT_SLACK;

@@ -13,6 +13,7 @@ pub mod panda_class;
 pub mod parallel_axes;
 mod polish;
 mod registry;
+mod slope;
 pub mod spherical_wrist;
 pub mod srs;
 

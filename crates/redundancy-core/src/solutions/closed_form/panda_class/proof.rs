@@ -17,8 +17,9 @@ use super::geometry::PandaGeometry;
 use super::ring::{Kind, Ring, Sheet};
 use super::target::Target;
 use crate::joint_space::TURN;
-use crate::solutions::closed_form::interval::{Interval, angles, between, point, sinusoid};
-use crate::tolerance::{PROOF_MARGIN, PROOF_SHORTEST};
+use crate::solutions::closed_form::interval::{Enclosure, Interval, between, point};
+use crate::solutions::closed_form::slope::Sloped;
+use crate::tolerance::{PROOF_MARGIN, PROOF_ROOM, PROOF_SHORTEST};
 
 /// Parts of a ring at first.
 const PARTS: usize = 32;
@@ -45,9 +46,6 @@ struct Ranges {
     /// Of the derivatives by the parameter.
     rates: [Interval; 2],
 }
-
-/// A vector of ranges.
-type Box3 = [Interval; 3];
 
 impl<'a> Proof<'a> {
     pub fn new(inner: &'a Inner, target: &'a Target) -> Self {
@@ -90,7 +88,7 @@ impl<'a> Proof<'a> {
             let slope = self.slope(&ranges);
             let ahead = slope * Interval { lo: 0.0, hi: width };
             let (left, right) = (point(a.1) + ahead, point(b.1) - ahead);
-            let natural = self.room(&ranges);
+            let natural = self.room(ranges.x, ranges.y, self.plane(ranges.x, ranges.y));
             let lo = left.lo.max(right.lo).max(natural.lo);
             let hi = left.hi.min(right.hi).min(natural.hi);
             if lo > 0.0 || hi < 0.0 {
@@ -111,20 +109,19 @@ impl<'a> Proof<'a> {
     }
 
     /// Components of the chord along axis 5 and across it in the plane of both axes.
-    fn plane(&self, ranges: &Ranges) -> [Interval; 2] {
+    fn plane<E: Enclosure>(&self, x: E, y: E) -> [E; 2] {
         let [cos, sin] = self.geometry().bend;
-        let g = sinusoid(self.arm[0], ranges.y);
-        let f = sinusoid(self.hand[0], ranges.x);
+        let g = E::sinusoid(self.arm[0], y);
+        let f = E::sinusoid(self.hand[0], x);
         [g, (f - g.scaled(cos)).scaled(1.0 / sin)]
     }
 
-    fn room(&self, ranges: &Ranges) -> Interval {
+    /// The room, which x and y give alike.
+    fn room<E: Enclosure>(&self, x: E, y: E, [g, across]: [E; 2]) -> E {
         let t = self.target;
-        let by_x = sinusoid([t.mean_x, -t.swing_x, 0.0], ranges.x);
-        let by_y = sinusoid([t.mean_y, -t.swing_y, 0.0], ranges.y);
-        let squared = Interval { lo: by_x.lo.max(by_y.lo), hi: by_x.hi.min(by_y.hi) };
-        let [g, across] = self.plane(ranges);
-        squared - g.squared() - across.squared()
+        let by_x = E::sinusoid([t.mean_x, -t.swing_x, 0.0], x);
+        let by_y = E::sinusoid([t.mean_y, -t.swing_y, 0.0], y);
+        by_x.both(by_y) - g.squared() - across.squared()
     }
 
     /// Of the room, by the parameter of the ring.
@@ -132,10 +129,10 @@ impl<'a> Proof<'a> {
         let [cos, sin] = self.geometry().bend;
         let derivative = |c: [f64; 3]| [0.0, c[2], -c[1]];
         let [dx, dy] = ranges.rates;
-        let [g, across] = self.plane(ranges);
-        let dg = sinusoid(derivative(self.arm[0]), ranges.y) * dy;
-        let df = sinusoid(derivative(self.hand[0]), ranges.x) * dx;
-        let squared = sinusoid([0.0, 0.0, self.target.swing_x], ranges.x) * dx;
+        let [g, across] = self.plane(ranges.x, ranges.y);
+        let dg = Interval::sinusoid(derivative(self.arm[0]), ranges.y) * dy;
+        let df = Interval::sinusoid(derivative(self.hand[0]), ranges.x) * dx;
+        let squared = Interval::sinusoid([0.0, 0.0, self.target.swing_x], ranges.x) * dx;
         squared - (g * dg + across * (df - dg.scaled(cos)).scaled(1.0 / sin)).scaled(2.0)
     }
 
@@ -153,7 +150,7 @@ impl<'a> Proof<'a> {
             let mut stack: Vec<[f64; 2]> = parts().collect();
             while let Some([a, b]) = stack.pop() {
                 looked += 1;
-                if self.is_outside(&ring.ranges(between(a, b)), margin) {
+                if self.is_outside(ring, [a, b], margin) {
                     continue;
                 }
                 if b - a < shortest || looked > MOST_PARTS {
@@ -166,66 +163,80 @@ impl<'a> Proof<'a> {
         true
     }
 
-    /// Whether a joint is outside its limits, moved inwards by `margin`, all over a part.
-    fn is_outside(&self, ranges: &Ranges, margin: f64) -> bool {
-        let Inner { lower, upper, .. } = self.inner;
-        let misses = |i: usize, q: Interval| {
+    /// Whether a joint is outside its limits, moved inwards by `margin`, all over a part: by plain ranges, or with slopes.
+    fn is_outside(&self, ring: &Ring, [a, b]: [f64; 2], margin: f64) -> bool {
+        let over = ring.ranges(between(a, b));
+        if self.rules_out(over.x, over.y, margin) {
+            return true;
+        }
+        let at = ring.ranges(point(0.5 * (a + b)));
+        let half = 0.5 * (b - a);
+        let sloped = |value, at: Interval, rate: Interval| Sloped::new(value, at, rate.scaled(half));
+        let [x, y] = over.rates;
+        self.rules_out(sloped(over.x, at.x, x), sloped(over.y, at.y, y), margin)
+    }
+
+    /// Whether some joint is outside its limits, moved inwards by `margin`, for every sign of the normal and both shoulders.
+    fn rules_out<E: Enclosure>(&self, x: E, y: E, margin: f64) -> bool {
+        let Inner { lower, upper, geometry, .. } = self.inner;
+        let misses = |i: usize, q: E| {
+            let q = q.range();
             let wider = Interval { lo: q.lo - PROOF_MARGIN, hi: q.hi + PROOF_MARGIN };
             wider.misses(lower[i] + margin, upper[i] - margin)
         };
-        if misses(3, ranges.y - point(self.geometry().zero4))
-            || misses(6, ranges.x - point(self.target.zero7))
-        {
+        if misses(3, y - E::constant(geometry.zero4)) || misses(6, x - E::constant(self.target.zero7)) {
             return true;
         }
-        let room = self.room(ranges);
-        if room.hi < -PROOF_MARGIN {
+        let [g, across] = self.plane(x, y);
+        let room = self.room(x, y, [g, across]);
+        if room.range().hi < -PROOF_MARGIN {
             return true;
         }
-        let [g, across] = self.plane(ranges);
-        let [cos, sin] = self.geometry().bend;
-        let component = |c: &Sinusoids, i: usize, angle: Interval| sinusoid(c[i], angle);
-        let arm = angles(component(&self.arm, 1, ranges.y), component(&self.arm, 2, ranges.y));
-        let hand = angles(component(&self.hand, 1, ranges.x), component(&self.hand, 2, ranges.x));
+        let [cos, sin] = geometry.bend;
+        let arm = E::angle_of(E::sinusoid(self.arm[1], y), E::sinusoid(self.arm[2], y));
+        let hand = E::angle_of(E::sinusoid(self.hand[1], x), E::sinusoid(self.hand[2], x));
         let across6 = across.scaled(cos) - g.scaled(sin);
-        [room.root(), -room.root()].into_iter().all(|normal| {
-            let five = arm - angles(across, normal);
-            let six = angles(across6, normal) - hand;
+        // Where the room is nearly 0 its root magnifies rounding.
+        let root = room.widened(PROOF_ROOM).root();
+        [root, -root].into_iter().all(|normal| {
+            let five = arm - E::angle_of(across, normal);
+            let six = E::angle_of(across6, normal) - hand;
             if misses(4, five) || misses(5, six) {
                 return true;
             }
-            let column = |j: usize| self.column(j, ranges, five, six);
+            let column = |j: usize| self.column(j, [x, y], five, six);
             let (a1, a3) = (column(0), column(2));
             self.shoulders(&a1, &a3).into_iter().all(|q| (0..3).any(|i| misses(i, q[i])))
         })
     }
 
     /// Column j of the shoulder's rotation.
-    fn column(&self, j: usize, ranges: &Ranges, five: Interval, six: Interval) -> Box3 {
+    fn column<E: Enclosure>(&self, j: usize, [x, y]: [E; 2], five: E, six: E) -> [E; 3] {
         let g = self.geometry();
         let [cos, sin] = g.bend;
-        let upper = [0, 1, 2].map(|i| point(g.upper[(i, j)]));
-        let v = times(|i, k| g.fore[(i, k)], &undo(ranges.y, &upper, [0, 1, 2]));
+        let upper = [0, 1, 2].map(|i| E::constant(g.upper[(i, j)]));
+        let v = times(|i, k| g.fore[(i, k)], &undo(y, &upper, [0, 1, 2]));
         let v = undo(five, &v, [1, 2, 0]);
         let v = [v[0].scaled(cos) + v[1].scaled(sin), v[1].scaled(cos) - v[0].scaled(sin), v[2]];
         let v = times(|i, k| g.hand[(k, i)], &undo(six, &v, [1, 2, 0]));
-        times(|i, k| self.target.frame[(i, k)], &undo(ranges.x, &v, [0, 1, 2]))
+        times(|i, k| self.target.frame[(i, k)], &undo(x, &v, [0, 1, 2]))
     }
 
     /// Joints 1, 2, 3 for both shoulders.
-    fn shoulders(&self, a1: &Box3, a3: &Box3) -> [Box3; 2] {
+    fn shoulders<E: Enclosure>(&self, a1: &[E; 3], a3: &[E; 3]) -> [[E; 3]; 2] {
         let g = self.geometry();
         let ([c1, c2], [s1, s2]) = (g.shoulder_triangle.cos, g.shoulder_triangle.sin);
-        let cosine = (point(c1 * c2) - a3[2]).scaled(1.0 / (s1 * s2));
+        let cosine = (E::constant(c1 * c2) - a3[2]).scaled(1.0 / (s1 * s2));
         let second = cosine.acos();
         let cosine = second.cos();
         let low = a3[0] * a1[1] - a3[1] * a1[0];
         [second, -second].map(|second| {
             let sine = second.sin();
-            let first =
-                angles(a3[0], a3[1]) - angles(sine.scaled(s2), cosine.scaled(-c1 * s2) - point(s1 * c2));
-            let third = angles(sine.scaled(s1), cosine.scaled(s1 * c2) + point(c1 * s2)) - angles(a1[2], low);
-            [first, second - point(g.zero2), third]
+            let down = cosine.scaled(-c1 * s2) - E::constant(s1 * c2);
+            let first = E::angle_of(a3[0], a3[1]) - E::angle_of(sine.scaled(s2), down);
+            let up = cosine.scaled(s1 * c2) + E::constant(c1 * s2);
+            let third = E::angle_of(sine.scaled(s1), up) - E::angle_of(a1[2], low);
+            [first, second - E::constant(g.zero2), third]
         })
     }
 }
@@ -236,12 +247,12 @@ fn parts() -> impl Iterator<Item = [f64; 2]> {
     (0..PARTS).map(move |k| [at(k), at(k + 1)])
 }
 
-fn times(m: impl Fn(usize, usize) -> f64, v: &Box3) -> Box3 {
+fn times<E: Enclosure>(m: impl Fn(usize, usize) -> f64, v: &[E; 3]) -> [E; 3] {
     [0, 1, 2].map(|i| v[0].scaled(m(i, 0)) + v[1].scaled(m(i, 1)) + v[2].scaled(m(i, 2)))
 }
 
 /// Turned back in the plane of the first two axes named.
-fn undo(angle: Interval, v: &Box3, [a, b, c]: [usize; 3]) -> Box3 {
+fn undo<E: Enclosure>(angle: E, v: &[E; 3], [a, b, c]: [usize; 3]) -> [E; 3] {
     let (cos, sin) = (angle.cos(), angle.sin());
     let mut out = *v;
     out[a] = cos * v[a] + sin * v[b];

@@ -12,14 +12,16 @@ use std::collections::BinaryHeap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use smallvec::SmallVec;
+use wide::f64x4;
 
 use super::arcs::{Cubic, End, Steps};
 use super::motion::PandaMotion;
 use super::proof::Proof;
 use super::ring::Sheet;
 use super::walk::Node;
-use crate::joint_space::{TURN, nearest, wrap};
+use crate::joint_space::{TURN, nearest, wrap, wrap_four};
 use crate::solutions::Solution;
+use crate::solutions::closed_form::lanes::all;
 use crate::tolerance::{EDGE_FOUND, EDGE_ROUNDING, OPTIMUM_GAP};
 
 /// Parts of a curve at first.
@@ -107,12 +109,13 @@ impl PandaMotion {
         Some(Solution { q, piece, u: wrap(end.u), value, proven: false })
     }
 
-    /// Whether no configuration has a margin above `value` by more than the rounding of the ends of arcs.
+    /// Whether no configuration has a margin above `value` by more than the rounding of the ends of arcs. Next to the end of a lens
+    /// joints move with the root of the parameter of the ring, so that parts have to become as short as its rounding allows.
     pub(super) fn has_no_margin_above(&self, value: f64) -> bool {
         if value == f64::INFINITY {
             return true;
         }
-        Proof::new(&self.arm.inner, &self.target).nothing_with_margin(value + EDGE_ROUNDING, OPTIMUM_GAP)
+        Proof::new(&self.arm.inner, &self.target).nothing_with_margin(value + EDGE_ROUNDING, EDGE_FOUND)
     }
 
     /// Radians of joint 7 at which some configuration holds the limits.
@@ -157,13 +160,14 @@ impl PandaMotion {
         let halves: SmallVec<[f64; 32]> = at.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
         at.extend(halves);
         at.sort_unstable_by(f64::total_cmp);
-        let walk = self.walk();
-        let mut last = walk.node(sheet, at[0]).q[0][6];
+        let q7 =
+            |u: [f64; 4]| wrap_four(sheet.at(f64x4::new(u)).x.angles() - all(self.target.zero7)).to_array();
+        let mut last = q7([at[0]; 4])[0];
         let mut range = [last; 2];
         for four in at[1..].chunks(4) {
             let u = std::array::from_fn(|i| four[i.min(four.len() - 1)]);
-            for node in walk.nodes(sheet, u) {
-                last = nearest(node.q[0][6], last);
+            for angle in q7(u) {
+                last = nearest(angle, last);
                 range = [range[0].min(last), range[1].max(last)];
             }
         }
