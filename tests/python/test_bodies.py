@@ -97,8 +97,21 @@ class Coal:
         for pair, result in zip(self.geometry.collisionPairs, self.places.distanceResults, strict=True):
             key = (self.link[pair.first], self.link[pair.second])
             key = key if key[0] < key[1] else (key[1], key[0])
-            out[key] = min(out.get(key, np.inf), result.min_distance)
+            d = result.min_distance
+            if d < 0:
+                d = self.sphere_in_cylinder(pair.first, pair.second, d)
+            out[key] = min(out.get(key, np.inf), d)
         return out
+
+    def sphere_in_cylinder(self, first: int, second: int, otherwise: float) -> float:
+        """Their signed distance in closed form: coal's depth (3.0.3) is up to 9 mm more than the least translation."""
+        for i, j in ((first, second), (second, first)):
+            cylinder, ball = (self.geometry.geometryObjects[k].geometry for k in (i, j))
+            if isinstance(cylinder, coal.Cylinder) and isinstance(ball, coal.Sphere):
+                center = self.places.oMg[i].actInv(self.places.oMg[j].translation)
+                out = np.hypot(*center[:2]) - cylinder.radius, abs(center[2]) - cylinder.halfLength
+                return float(min(max(out), 0) + np.hypot(*np.maximum(out, 0)) - ball.radius)
+        return otherwise
 
     def to_obstacle(self, q: Array, shape: Any, at: Array) -> dict[str, float]:
         """The least distance of each link from a shape."""
