@@ -97,8 +97,21 @@ class Coal:
         for pair, result in zip(self.geometry.collisionPairs, self.places.distanceResults, strict=True):
             key = (self.link[pair.first], self.link[pair.second])
             key = key if key[0] < key[1] else (key[1], key[0])
-            out[key] = min(out.get(key, np.inf), result.min_distance)
+            d = result.min_distance
+            if d < 0:
+                d = self.sphere_in_cylinder(pair.first, pair.second, d)
+            out[key] = min(out.get(key, np.inf), d)
         return out
+
+    def sphere_in_cylinder(self, first: int, second: int, otherwise: float) -> float:
+        """Their signed distance in closed form: coal's depth (3.0.3) is up to 9 mm more than the least translation."""
+        for i, j in ((first, second), (second, first)):
+            cylinder, ball = (self.geometry.geometryObjects[k].geometry for k in (i, j))
+            if isinstance(cylinder, coal.Cylinder) and isinstance(ball, coal.Sphere):
+                center = self.places.oMg[i].actInv(self.places.oMg[j].translation)
+                out = np.hypot(*center[:2]) - cylinder.radius, abs(center[2]) - cylinder.halfLength
+                return float(min(max(out), 0) + np.hypot(*np.maximum(out, 0)) - ball.radius)
+        return otherwise
 
     def to_obstacle(self, q: Array, shape: Any, at: Array) -> dict[str, float]:
         """The least distance of each link from a shape."""
@@ -129,13 +142,13 @@ def test_self_collision_against_coal(name: str) -> None:
     # TIAGo has five times as many pairs.
     rows = random_rows(chain, 2000 if FULL else 20 if name == "tiago" else 100, 5)
     found = links.pair_clearances(rows)
+    pairs, distance, row = found.pairs, found.distance, found.row  # each access copies
     least = links.self_clearance(rows)
     touching = 0
     for k, q in enumerate(rows):
         expected = other.distances(q)
-        here = found.row == k
-        names = [found.pairs[i] for i in np.flatnonzero(here)]
-        ours = {(min(pair), max(pair)): d for pair, d in zip(names, found.distance[here], strict=True)}
+        here = np.flatnonzero(row == k)
+        ours = {(min(pairs[i]), max(pairs[i])): distance[i] for i in here}
         assert ours.keys() == expected.keys()
         for pair, d in expected.items():
             if abs(d) > 1e-6:
@@ -155,23 +168,24 @@ def test_self_collision_against_coal(name: str) -> None:
         assert len(other.geometry.collisionPairs) == 44
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5", "xarm7"])
+@pytest.mark.parametrize("name", list(BODIES))
 def test_self_clearance_gradients(name: str) -> None:
     chain, links = load(name)
-    rows = random_rows(chain, 60, 6)
+    rows = random_rows(chain, 2000 if FULL else 60, 6)
     least = links.self_clearance(rows)
-    h, kinks = 1e-6, 0
-    for q, gradient, first, second in zip(rows, least.gradient, least.first, least.second, strict=True):
-        ahead = links.self_clearance(q + h * np.eye(chain.dof))
-        behind = links.self_clearance(q - h * np.eye(chain.dof))
-        same = all(
-            pair == (first, second)
-            for pair in zip(ahead.first + behind.first, ahead.second + behind.second, strict=True)
-        )
-        expected = (ahead.distance - behind.distance) / (2 * h)
-        good = np.allclose(gradient, expected, rtol=1e-3, atol=1e-3)
-        kinks += not (good and same)
-    assert kinks <= 6  # where a nearest feature changes
+    step = 1e-5
+    h = step * np.eye(chain.dof)
+    moved = (rows[:, None, None] + np.stack([h, -h])).reshape(-1, chain.dof)
+    near = links.self_clearance(moved)
+    ahead, behind = np.moveaxis(near.distance.reshape(len(rows), 2, chain.dof), 1, 0)
+    forwards, backwards = (ahead - least.distance[:, None]) / step, (least.distance[:, None] - behind) / step
+    # Where a nearest feature changes, the differences to both sides disagree.
+    size = np.maximum(np.linalg.norm(least.gradient, axis=1), 0.01)
+    smooth = np.linalg.norm(forwards - backwards, axis=1) < 1e-3 * size
+    error = np.linalg.norm(0.5 * (forwards + backwards) - least.gradient, axis=1) / size
+    # The cylinders of TIAGo are curved: there the differences of a search to 1e-7 disagree more often.
+    assert smooth.mean() > (0.7 if name == "tiago" else 0.8)
+    assert error[smooth].max() < 1e-3, (np.count_nonzero(error[smooth] > 1e-3), error[smooth].max())
 
 
 @pytest.mark.parametrize("name", ["panda", "tiago"])

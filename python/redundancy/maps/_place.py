@@ -429,7 +429,11 @@ class _Placements:
             for move in moves:
                 shift = center + move * steps
                 x, y, z, turn = (float(v) for v in shift)
-                if np.any(shift[:3] < low[:3]) or np.any(shift[:3] > high[:3]) or _key((x, y, z, turn)) in seen:
+                if (
+                    np.any(shift[:3] < low[:3])
+                    or np.any(shift[:3] > high[:3])
+                    or _key((x, y, z, turn)) in seen
+                ):
                     continue
                 seen.add(_key((x, y, z, turn)))
                 near.append((x, y, z, turn))
