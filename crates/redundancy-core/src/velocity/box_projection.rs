@@ -185,7 +185,8 @@ impl BoxProjection {
     /// Lets a row be, as long as it is violated by no more than about this.
     fn tolerate(&mut self, row: (usize, bool), violation: f64) {
         self.tolerated.retain(|known| known.0 != row);
-        if self.tolerated.len() == self.tolerated.capacity() {
+        // Not by its capacity: that of a clone is none.
+        if self.tolerated.len() >= 4 * self.direction.len() {
             self.tolerated.swap_remove(0);
         }
         self.tolerated.push((row, 2.0 * violation));
@@ -273,5 +274,19 @@ impl BoxProjection {
         self.proof.extend(self.change.iter().map(|change| -change));
         // 0 = y^T A z <= c - s d.
         if d > 0.0 && c / d < s { Outcome::AtMost(c / d) } else { Outcome::Never }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clone_tolerates_rows_as_well() {
+        let mut projection = BoxProjection::new(2).clone();
+        for joint in 0..20 {
+            projection.tolerate((joint, true), 1e-12);
+        }
+        assert!(projection.tolerates((19, true), 1e-12) && !projection.tolerates((0, true), 1e-12));
     }
 }
