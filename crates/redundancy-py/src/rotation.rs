@@ -571,8 +571,8 @@ impl PyQuaternionVolume {
     ///
     /// For sequences the smallest angle (rad) to a bound, for cones the margin of `Cone`. It is pi without any bound,
     /// and minus the angle (rad) to the set if there are fewer than three rotations and `q` is outside. With more
-    /// than three rotations there are many ways to write `q`; the margin is that of the way that stays farthest from
-    /// the bounds (to 1e-9 rad).
+    /// than three rotations there are many ways to write `q`; the margin is that of the way farthest from the
+    /// bounds that a search from several starts finds; rarely another one is better, by some mrad.
     ///
     /// Args:
     ///     q: Unit quaternion `(4,)`, or `(N, 4)`, scalar first.

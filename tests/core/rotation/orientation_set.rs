@@ -157,7 +157,7 @@ fn memberships_of_five_rotations_by_brute_force() {
     );
     assert!(members > n / 10 && members < n * 9 / 10);
     // The search for the margin is finite: rarely a local maximum hides a better one a little farther in.
-    assert!(late <= n / 10_000 && beaten < 5e-3, "{late} by up to {beaten}");
+    assert!(late <= n / 10_000 && beaten < 1e-2, "{late} by up to {beaten}");
     // The margin found belongs to angles (see above), so it is no larger than the true one; the grids may end on a ridge.
     assert!(short < 0.15 && missed <= n / 25, "{short} {missed}");
 }
