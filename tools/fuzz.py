@@ -100,9 +100,7 @@ def main() -> int:
     counted = options.readers is not None or options.numeric is not None
     goals = (options.readers or 0, options.numeric or 0)
     found: set[str] = set()
-    while todo := [
-        t for t in (missing(counts, targets, *goals) if counted else targets) if t not in found
-    ]:
+    while todo := [t for t in (missing(counts, targets, *goals) if counted else targets) if t not in found]:
         for target in todo:
             begin = time.monotonic()
             executions, status = run(target, options.seconds)
