@@ -55,8 +55,8 @@ def lines_of_iiwa(count):
 
 
 def test_extended_jacobian_is_bounded_on_lines_of_a_seven_joint_arm():
-    # On lines 2, 10 and 26 the freedom must add little to what the task asks for near singularities; the optimum of line 29
-    # leads into one.
+    # On lines 2, 10 and 26 the freedom must add little to what the task asks for near singularities; the optimum of
+    # line 29 leads into one.
     lines = list(lines_of_iiwa(40))
     chosen = range(40) if FULL else [1, 2, 10, 26, 29]
     arm = rd.catalog.load("iiwa14")
