@@ -34,6 +34,9 @@ pub(super) struct NodeLimits {
     pub gravity: Vec<f64>,
     /// Whether a motion within the other limits may exceed this torque limit, node by node; empty without torque limits.
     pub matters: Vec<bool>,
+    /// Lengths of the intervals, and how the three parts of the torques bend at the nodes.
+    lengths: Vec<f64>,
+    bends: [Vec<f64>; 3],
     /// Whether in this interval the torques of every motion within the other limits are far below their limits.
     pub calm: Vec<bool>,
 }
@@ -56,9 +59,12 @@ impl NodeLimits {
             }
         }
         let [inertial, dynamic, gravity] = std::array::from_fn(|_| Vec::new());
-        let mut out = Self { most, inertial, dynamic, gravity, matters: Vec::new(), calm: Vec::new() };
+        let (lengths, bends) = (Vec::new(), std::array::from_fn(|_| Vec::new()));
+        let mut out =
+            Self { most, inertial, dynamic, gravity, matters: Vec::new(), lengths, bends, calm: Vec::new() };
         if let Some(torque) = &settings.torque_limits {
             out.add_torques(chain, stretch, &settings.gravity)?;
+            out.add_bends(&stretch.s, stretch.n);
             out.sort_out(stretch, &settings.acceleration_limits, torque);
         }
         Ok(out)
@@ -131,49 +137,60 @@ impl NodeLimits {
         if nodes < 3 {
             return;
         }
-        let bends = self.bends(&stretch.s, n, &push);
         for k in 0..nodes - 1 {
-            let length = stretch.s[k + 1] - stretch.s[k];
-            let eighth = 0.125 * length * length;
-            // x is linear in s: twice the product of its slope 2 u and that of its factor.
-            let slope = 0.5 * length * push[k].min(push[k + 1]);
-            let ends = |values: &'_ [f64], j: usize| [values[j], values[n + j]];
-            let [reached, room, dynamic] =
-                [&reached, &room, &self.dynamic].map(|values| &values[k * n..(k + 2) * n]);
-            let bends = &bends[k.max(1) * n..][..(1 + usize::from(k > 0 && k + 2 < nodes)) * n];
-            self.calm[k] = (0..n).all(|j| {
-                let [from, to] = ends(dynamic, j);
-                let bend = bends[j].max(bends[bends.len() - n + j]);
-                let [a, b] = ends(reached, j);
-                let [left, right] = ends(room, j);
-                a.max(b) + eighth * bend + slope * (to - from).abs() <= FAR_BELOW * left.min(right)
+            let most = [push[k].min(push[k + 1]), speed(k).max(speed(k + 1))];
+            let calm = (0..n).all(|j| {
+                let (a, b) = (k * n + j, (k + 1) * n + j);
+                let top = reached[a].max(reached[b]) + self.bend(n, k, j, most);
+                top <= FAR_BELOW * room[a].min(room[b])
             });
+            self.calm[k] = calm;
         }
     }
 
-    /// By how much the torques of the fastest motion within the other limits may bend, as second derivatives by the length
-    /// of the path from divided differences, node by node; 0 at both ends.
-    fn bends(&self, s: &[f64], n: usize, push: &[f64]) -> Vec<f64> {
-        let last = s.len() - 1;
-        let mut out = vec![0.0; s.len() * n];
-        for k in 1..last {
-            let [before, behind] = [s[k] - s[k - 1], s[k + 1] - s[k]];
-            let both = 2.0 / (before + behind);
-            let [a, c] = [both / before, both / behind];
-            let triple = |values: &'_ [f64], j: usize| {
-                a * (values[j] - values[n + j]) + c * (values[2 * n + j] - values[n + j])
-            };
-            let [inertial, dynamic, gravity] = [&self.inertial, &self.dynamic, &self.gravity]
-                .map(|values| &values[(k - 1) * n..(k + 2) * n]);
-            let most = push[k - 1].max(push[k]).max(push[k + 1]);
-            let fastest = self.most[k - 1].max(self.most[k]).max(self.most[k + 1]).min(SPEED_CAP);
-            for (j, out) in out[k * n..(k + 1) * n].iter_mut().enumerate() {
-                *out = triple(inertial, j).abs() * most
-                    + triple(dynamic, j).abs() * fastest
-                    + triple(gravity, j).abs();
+    /// How the torques bend along the path: second derivatives by its length, from divided differences; 0 at both ends.
+    fn add_bends(&mut self, s: &[f64], n: usize) {
+        self.lengths = s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        for (values, out) in [&self.inertial, &self.dynamic, &self.gravity].into_iter().zip(&mut self.bends) {
+            *out = vec![0.0; values.len()];
+            for k in 1..s.len().saturating_sub(1) {
+                let [before, behind] = [self.lengths[k - 1], self.lengths[k]];
+                let both = 2.0 / (before + behind);
+                let [a, c] = [both / before, both / behind];
+                let values = &values[(k - 1) * n..(k + 2) * n];
+                for (j, out) in out[k * n..(k + 1) * n].iter_mut().enumerate() {
+                    let [from, here, to] = [values[j], values[n + j], values[2 * n + j]];
+                    *out = (a * (from - here) + c * (to - here)).abs();
+                }
             }
         }
-        out
+    }
+
+    /// By how much the torque of joint `j` may leave the straight line between the nodes of interval `k`, for `|u|` and `x`
+    /// up to these. There are at least three nodes.
+    #[inline(always)]
+    fn bend(&self, n: usize, k: usize, j: usize, [push, fastest]: [f64; 2]) -> f64 {
+        let length = self.lengths[k];
+        let (a, b) = (k.max(1) * n + j, (k + 1).min(self.lengths.len() - 1) * n + j);
+        let [inertial, dynamic, gravity] = [0, 1, 2].map(|part| self.bends[part][a].max(self.bends[part][b]));
+        // x is linear in s: twice the product of its slope 2 u and that of its factor.
+        let slopes = 0.5 * length * push * (self.dynamic[(k + 1) * n + j] - self.dynamic[k * n + j]).abs();
+        0.125 * length * length * (inertial * push + dynamic * fastest + gravity) + slopes
+    }
+
+    /// Whether the torques of a motion with `u` and with these `x` at the nodes of interval `k` are far below their limits.
+    pub fn far_below(&self, n: usize, k: usize, u: f64, x: [f64; 2], torque: &[f64]) -> bool {
+        self.lengths.len() > 1
+            && torque.iter().enumerate().all(|(j, limit)| {
+                let bend = self.bend(n, k, j, [u.abs(), x[0].max(x[1])]);
+                [0, 1].into_iter().all(|end| {
+                    let i = (k + end) * n + j;
+                    let moving = self.inertial[i] * u + self.dynamic[i] * x[end];
+                    let gravity = self.gravity[i];
+                    moving + bend <= FAR_BELOW * (limit - gravity)
+                        && bend - moving <= FAR_BELOW * (limit + gravity)
+                })
+            })
     }
 
     /// Gravity alone must leave torque at every joint.

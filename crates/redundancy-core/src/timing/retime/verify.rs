@@ -238,7 +238,7 @@ impl Motion {
             let far_below = match nodes {
                 _ if !gauge.needs_places() => true,
                 Some(nodes) => {
-                    let calm = nodes.limits.calm[k] && self.keeps_to_law(k, settings);
+                    let calm = self.keeps_to_law(k, settings) && nodes.far_below(k, settings);
                     self.torques_at_rows(k, nodes);
                     calm || self.far_below(k, nodes, &mut gauge, &mut places)
                 }
@@ -460,6 +460,13 @@ pub(super) struct NodeTorques<'a> {
 }
 
 impl NodeTorques<'_> {
+    /// Whether the law alone says that the torques in interval `k` are far below their limits.
+    fn far_below(&self, k: usize, settings: &RetimeSettings) -> bool {
+        let Some(torque) = &settings.torque_limits else { return true };
+        let x = [self.law[k][1], self.law[k + 1][1]];
+        self.limits.calm[k] || self.limits.far_below(torque.len(), k, self.law[k][0], x, torque)
+    }
+
     /// Torques of the motion and of gravity at a node of interval `k`; `i` counts nodes and joints.
     fn torque(&self, k: usize, node: usize, i: usize) -> [f64; 2] {
         let (u, x) = (self.law[k][0], self.law[node][1]);
