@@ -331,3 +331,14 @@ def test_a_rotation_that_is_none_is_refused_with_its_distance():
 def test_a_path_of_one_pose_is_none():
     with pytest.raises(rd.RedundancyError, match="a path needs at least two samples, got 1"):
         rd.Path(POSE[None])
+
+
+def test_arguments_of_several_kinds_say_which():
+    panda = rd.catalog.load("panda")
+    path = rd.paths.circle((0.4, 0.0, 0.4), 0.05, orientation=np.diag([1.0, -1.0, -1.0]), n=5)
+    for call, words in (
+        (lambda: rd.ToolFreedom(spin=None), 'an angle in rad or "free", got NoneType'),
+        (lambda: rd.plan(panda, path, self_collision=[]), "True, False or .auto., got list"),
+    ):
+        with pytest.raises(TypeError, match="expected " + words):
+            call()

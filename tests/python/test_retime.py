@@ -220,3 +220,17 @@ def test_blended_motion_pickles_and_passes_check(tmp_path):
     moved = rd.Trajectory(move.joint_names, move.t, off, move.qd, section=list(move.section))
     found = rd.check(PANDA, moved, path, jerk_limits=jerk).findings
     assert row in {finding.row for finding in found if finding.kind == "path_deviation"}
+
+
+def test_torque_limits_that_do_not_bind_cost_no_time_beside_jerk_limits():
+    # The search for a profile with all limits at once ends without one on this path.
+    chain = rd.catalog.load("panda")
+    raster = rd.paths.raster(
+        (0.4, -0.15, 0.3), 0.3, 0.05, 4, corner=0.04, orientation=np.diag([1.0, -1.0, -1.0]), step=0.002
+    )
+    plan = rd.plan(chain, raster)
+    free = plan.retime(jerk_limits=500.0)
+    for limits in (100.0 * chain.effort_limit, chain.effort_limit):
+        held = plan.retime(jerk_limits=500.0, torque_limits=limits)
+        assert held.t[-1] < 1.01 * free.t[-1] and held.stretched < 1.01
+        assert rd.check(chain, held, jerk_limits=500.0, torque_limits=limits).ok

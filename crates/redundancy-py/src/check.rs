@@ -13,7 +13,7 @@ use redundancy_core::timing::{
 };
 
 use crate::batch::pool;
-use crate::convert::{Given, Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector};
+use crate::convert::{Given, Gravity, STANDARD_GRAVITY, Threads, read_rows, read_vector, type_name};
 use crate::error::to_py;
 use crate::links::LinkRadius;
 use crate::path::{PyPath, PyTrajectory};
@@ -203,7 +203,7 @@ impl<'py> FromPyObject<'_, 'py> for AnyRows<'py> {
             return Ok(Self::Trajectory(given.to_owned()));
         }
         object.extract().map(Self::File).map_err(|_| {
-            let given = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+            let given = type_name(&object);
             PyTypeError::new_err(format!(
                 "expected a Trajectory or the name of a file, got {given}: rd.Trajectory(joint_names, t, q) makes one"
             ))

@@ -269,11 +269,33 @@ impl<'py, T: Argument> FromPyObject<'_, 'py> for Given<'py, T> {
         if let Ok(given) = object.cast::<T>() {
             return Ok(Self(given.to_owned()));
         }
-        let given = object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
         let (what, how) = (T::WHAT, T::HOW);
-        Err(PyTypeError::new_err(format!("expected {what}, got {given}: {how}")))
+        Err(PyTypeError::new_err(format!("expected {what}, got {}: {how}", type_name(&object))))
     }
 }
+
+/// The name of an object's type, for messages.
+pub fn type_name(object: &Bound<'_, PyAny>) -> String {
+    object.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string())
+}
+
+/// Reads an argument of several kinds, which are tried in turn; the error says what is expected.
+macro_rules! one_of {
+    ($kind:ty, $what:literal, $($variant:ident),+) => {
+        impl<'py> pyo3::FromPyObject<'_, 'py> for $kind {
+            type Error = pyo3::PyErr;
+
+            fn extract(object: pyo3::Borrowed<'_, 'py, pyo3::PyAny>) -> pyo3::PyResult<Self> {
+                $(if let Ok(value) = object.extract() {
+                    return Ok(Self::$variant(value));
+                })+
+                let given = $crate::convert::type_name(&object);
+                Err(pyo3::exceptions::PyTypeError::new_err(format!("expected {}, got {given}", $what)))
+            }
+        }
+    };
+}
+pub(crate) use one_of;
 
 /// An integer of any size from Python. Unsigned arguments are read as this, so that a negative or huge one is refused with
 /// its name, value and bound, not by an `OverflowError`.

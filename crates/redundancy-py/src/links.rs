@@ -10,7 +10,7 @@ use redundancy_core::{Error, Pose};
 
 use crate::batch::in_blocks;
 use crate::chain::PyChain;
-use crate::convert::{Threads, read_array, read_pose, read_rows, to_array};
+use crate::convert::{Threads, one_of, read_array, read_pose, read_rows, to_array};
 use crate::error::to_py;
 use crate::obstacle::AnyObstacle;
 
@@ -329,11 +329,12 @@ impl PyLinkGeometry {
 }
 
 /// `link_radius` or `links`: a radius of capsules from joint to joint, or a geometry.
-#[derive(FromPyObject)]
 pub enum LinkRadius<'py> {
     Geometry(Bound<'py, PyLinkGeometry>),
     Radius(f64),
 }
+
+one_of!(LinkRadius<'py>, "a LinkGeometry or a radius in m", Geometry, Radius);
 
 impl LinkRadius<'_> {
     /// The shapes of `chain`.
@@ -513,11 +514,12 @@ type SelfRow = (f64, Option<[usize; 2]>, Vec<f64>);
 type SelfParts = (Vec<SelfRow>, Vec<String>, bool);
 
 /// `self_collision`: `"auto"` or a truth value.
-#[derive(FromPyObject)]
 pub enum SelfCollision {
     Switch(bool),
     Word(String),
 }
+
+one_of!(SelfCollision, "True, False or \"auto\"", Switch, Word);
 
 impl SelfCollision {
     /// Whether links are looked at: `"auto"` is where shapes are given that have pairs.

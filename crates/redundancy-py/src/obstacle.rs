@@ -9,7 +9,7 @@ use redundancy_core::scene::{
 };
 use redundancy_core::{Error, Pose, pose_from_row_major, pose_to_row_major};
 
-use crate::convert::{read_array, read_pose, read_rows, to_array};
+use crate::convert::{one_of, read_array, read_pose, read_rows, to_array};
 use crate::error::to_py;
 
 pub fn list(v: &Vector3<f64>) -> [f64; 3] {
@@ -601,7 +601,6 @@ fn triples(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<[f64; 3]>> {
 }
 
 /// An obstacle of any type.
-#[derive(FromPyObject)]
 pub enum AnyObstacle<'py> {
     Sphere(Bound<'py, PySphere>),
     Box(Bound<'py, PyBox>),
@@ -610,6 +609,17 @@ pub enum AnyObstacle<'py> {
     HalfSpace(Bound<'py, PyHalfSpace>),
     Mesh(Bound<'py, PyMesh>),
 }
+
+one_of!(
+    AnyObstacle<'py>,
+    "an obstacle (Sphere, Box, Capsule, Cylinder, HalfSpace, Mesh)",
+    Sphere,
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    Mesh
+);
 
 impl AnyObstacle<'_> {
     pub fn obstacle(&self) -> &Obstacle {

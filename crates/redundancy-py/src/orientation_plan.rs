@@ -8,7 +8,7 @@ use redundancy_core::planning::{
 use redundancy_core::{Error, Watch};
 
 use crate::chain::PyChain;
-use crate::convert::{Given, Gravity, STANDARD_GRAVITY, read_rotation, to_array};
+use crate::convert::{Given, Gravity, STANDARD_GRAVITY, one_of, read_rotation, to_array};
 use crate::error::to_py;
 use crate::path::PyPath;
 use crate::plan::{PyPlan, plan_initializer, plan_of};
@@ -144,11 +144,12 @@ fn wrapped(py: Python<'_>, plan: OrientationPlan) -> PyResult<Bound<'_, PyOrient
 }
 
 /// `"free"` or the largest angle.
-#[derive(FromPyObject)]
 pub enum SpinArgument {
     Angle(f64),
     Word(String),
 }
+
+one_of!(SpinArgument, "an angle in rad or \"free\"", Angle, Word);
 
 /// Plan tilt and spin of the tool along a whole path for the highest constant tool speed.
 ///

@@ -193,6 +193,21 @@ impl NodeLimits {
             })
     }
 
+    /// The same without torques.
+    pub fn without_torques(&self) -> Self {
+        let none = || Vec::new();
+        Self {
+            most: self.most.clone(),
+            inertial: none(),
+            dynamic: none(),
+            gravity: none(),
+            matters: Vec::new(),
+            lengths: none(),
+            bends: [none(), none(), none()],
+            calm: Vec::new(),
+        }
+    }
+
     /// Gravity alone must leave torque at every joint.
     pub fn check_gravity(&self, chain: &Chain, stretch: &Stretch, settings: &RetimeSettings) -> Result<()> {
         let Some(limits) = &settings.torque_limits else { return Ok(()) };
