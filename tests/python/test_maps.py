@@ -116,7 +116,9 @@ SMALL: dict[str, Any] = {"spacing": 0.4, "directions": 6, "chunk_poses": 60}
 
 def contents(store: Path) -> dict[str, str]:
     """Every file of a store by its checksum, but the lock, and what zarr was writing when its process was killed."""
-    files = (f for f in sorted(store.rglob("*")) if f.is_file() and f.name != "lock" and f.suffix != ".partial")
+    files = (
+        f for f in sorted(store.rglob("*")) if f.is_file() and f.name != "lock" and f.suffix != ".partial"
+    )
     return {str(f.relative_to(store)): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
 
 
