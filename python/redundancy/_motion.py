@@ -101,11 +101,13 @@ def with_accelerations(plan: rd.Trajectory) -> rd.Trajectory:
 
 
 def write_csv(motion: rd.Trajectory, file: File) -> None:
-    """Times, positions and velocities, and the section where there is more than the path: no accelerations."""
+    """Times, positions, velocities and accelerations, and the section where there is more than the path."""
     section = None if motion.section is None else list(motion.section)
     if section is not None and set(section) == {"path"}:
         section = None
-    rd.Trajectory(motion.joint_names, motion.t, motion.q, motion.qd, section=section).to_csv(file)
+    rd.Trajectory(motion.joint_names, motion.t, motion.q, motion.qd, qdd=motion.qdd, section=section).to_csv(
+        file
+    )
 
 
 def violations(chain: rd.Chain, motion: rd.Trajectory) -> dict[str, Any]:

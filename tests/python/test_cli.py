@@ -60,7 +60,8 @@ def test_track_writes_what_it_promises(capsys, raster, tmp_path):
     assert (np.abs(trajectory.qd) <= chain.velocity_limit).all()
     with (out / "trajectory.csv").open() as table:
         header = next(csv.reader(table))
-    assert header == ["t", *chain.joint_names, *(f"{name}_velocity" for name in chain.joint_names)]
+    names = [f"{name}{kind}" for kind in ("", "_velocity", "_acceleration") for name in chain.joint_names]
+    assert header == ["t", *names]
     assert rd.Trajectory.from_json(out / "trajectory.json").joint_names == chain.joint_names
     summary = json.loads((out / "summary.json").read_text())
     assert summary["status"] == "converged" and summary["points"] == len(path)
