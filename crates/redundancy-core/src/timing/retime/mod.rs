@@ -286,7 +286,8 @@ fn solve(
         return eased(chain, stretch, &limits, settings, rest);
     }
     // Where no profile is found with the torques they are left to the repairs: these tighten the limits where one is exceeded.
-    let bare = (limits.without_torques(), RetimeSettings { torque_limits: None, ..settings.clone() });
+    let bare = (settings.torque_limits.is_some() && settings.jerk_limits.is_some())
+        .then(|| (limits.without_torques(), RetimeSettings { torque_limits: None, ..settings.clone() }));
     let mut share = vec![1.0; stretch.nodes()];
     let mut rounds: Vec<Round> = Vec::new();
     let mut known = None;
@@ -295,8 +296,10 @@ fn solve(
         let mut motion = match &settings.jerk_limits {
             None => second_order(stretch, &limits, settings, rest, &share, &mut law)?,
             Some(jerk) => match third_order(stretch, &limits, (settings, jerk), rest, &share, &mut known)
-                .or_else(|| third_order(stretch, &bare.0, (&bare.1, jerk), rest, &share, &mut known))
-            {
+                .or_else(|| {
+                    let (limits, settings) = bare.as_ref()?;
+                    third_order(stretch, limits, (settings, jerk), rest, &share, &mut known)
+                }) {
                 Some(motion) => motion,
                 None if rounds.is_empty() => return eased(chain, stretch, &limits, settings, rest),
                 None => break,
